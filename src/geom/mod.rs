@@ -1,0 +1,17 @@
+//! Points, rectangles, boxes and exact predicates: the vocabulary of every other module.
+//!
+//! Frames of coordinates, all right-handed: `ground` (project metres, f64); `local` = ground minus the mesh
+//! store's origin, exact on the store's lattice; `camera` (metres, x right, y down, z forward); `photo`
+//! (pixels, the top-left pixel's *centre* at (0.5, 0.5)); `mosaic` (pixels, likewise). Rectangles are half-open.
+
+mod bounds;
+mod faces;
+mod hilbert;
+mod predicates;
+mod rect;
+
+pub use bounds::{Bounds2, Bounds3};
+pub use faces::{FaceBlock, FaceId};
+pub use hilbert::{hilbert2, hilbert3};
+pub use predicates::orient2d;
+pub use rect::{PixelRect, Size};
