@@ -1,0 +1,66 @@
+//! [`SurfaceTile`].
+
+use glam::DVec3;
+
+use crate::geom::{FaceId, PixelRect};
+
+/// A triangle that at least one pixel of a tile shows.
+#[derive(Debug, Clone, Copy)]
+pub struct SurfaceFace {
+    /// Indices of its corners in [`SurfaceTile::vertices`].
+    pub corners: [u32; 3],
+    /// Its id.
+    pub id: FaceId,
+    /// Twice its area vector, m², on the side of the mosaic's viewer.
+    pub normal: DVec3,
+}
+
+/// The surface that a rectangle of the mosaic shows: one value a pixel, `height × width`, row-major.
+#[derive(Debug, Clone, Default)]
+pub struct SurfaceTile {
+    /// The rectangle, mosaic pixels.
+    pub rect: Option<PixelRect>,
+    /// Elevation above the frame's plane, metres; NaN where there is no surface.
+    pub elevations: Vec<f64>,
+    /// Index in [`Self::faces`]; [`Self::NO_FACE`] where there is no surface.
+    pub faces_at: Vec<u32>,
+    /// The surface point at the pixel's centre, local frame; NaN where there is no surface.
+    pub points: Vec<DVec3>,
+    /// The triangles shown, each once.
+    pub faces: Vec<SurfaceFace>,
+    /// Their vertices, local frame.
+    pub vertices: Vec<DVec3>,
+}
+
+impl SurfaceTile {
+    /// Stands in [`Self::faces_at`] for "no surface".
+    pub const NO_FACE: u32 = u32::MAX;
+
+    /// The rectangle, mosaic pixels; empty before the first tile was built.
+    pub fn rect(&self) -> PixelRect {
+        self.rect.unwrap_or(PixelRect::new(0, 0, 0, 0))
+    }
+
+    /// The face shown at pixel `k` of the tile, if there is one.
+    ///
+    /// # Panics
+    /// If `k` is not below the number of pixels.
+    #[inline]
+    pub fn face_at(&self, k: usize) -> Option<&SurfaceFace> {
+        match self.faces_at[k] {
+            Self::NO_FACE => None,
+            f => Some(&self.faces[f as usize]),
+        }
+    }
+
+    /// The three corners of a face, local frame.
+    #[inline]
+    pub fn corners(&self, face: &SurfaceFace) -> [DVec3; 3] {
+        face.corners.map(|v| self.vertices[v as usize])
+    }
+
+    /// Whether no pixel shows a surface.
+    pub fn is_empty(&self) -> bool {
+        self.faces.is_empty()
+    }
+}
