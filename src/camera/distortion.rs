@@ -1,0 +1,131 @@
+//! [`Distortion`]: the distorting part of every supported lens model, and its inverse.
+
+use glam::{DMat2, DVec2};
+
+use super::opencv::OpenCv;
+use super::radial::Radial;
+use super::radius::RadialFunction;
+use super::rational::Rational;
+
+/// The map from a ray (x/z, y/z) to its distorted position, both normalised by the focal length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Distortion {
+    None,
+    Radial(Radial),
+    OpenCv(OpenCv),
+    Rational(Rational),
+}
+
+impl Distortion {
+    /// The distorted position of ray `q`.
+    #[inline]
+    pub(super) fn distort(&self, q: DVec2) -> DVec2 {
+        match self {
+            Self::None => q,
+            Self::Radial(d) => d.distort(q),
+            Self::OpenCv(d) => d.distort(q),
+            Self::Rational(d) => d.distort(q),
+        }
+    }
+
+    /// The distorted position of ray `q`, and its derivative by the ray (column x, column y).
+    #[inline]
+    pub(super) fn distort_jacobian(&self, q: DVec2) -> (DVec2, DMat2) {
+        match self {
+            Self::None => (q, DMat2::IDENTITY),
+            Self::Radial(d) => d.distort_jacobian(q),
+            Self::OpenCv(d) => d.distort_jacobian(q),
+            Self::Rational(d) => d.distort_jacobian(q),
+        }
+    }
+
+    /// The radial part as a function.
+    pub(super) fn radial_function(&self) -> RadialFunction {
+        match self {
+            Self::None => RadialFunction::new(&[], &[]),
+            Self::Radial(d) => RadialFunction::new(&[d.k1, d.k2], &[]),
+            Self::OpenCv(d) => RadialFunction::new(&[d.radial.k1, d.radial.k2], &[]),
+            Self::Rational(d) => RadialFunction::new(&d.numerator, &d.denominator),
+        }
+    }
+
+    /// The least `c` for which the tangential part is known to move no ray of radius `r` by more than `c r²`.
+    pub(super) fn tangential_bound(&self) -> f64 {
+        match self {
+            Self::None | Self::Radial(_) => 0.0,
+            Self::OpenCv(d) => d.tangential.greatest(),
+            Self::Rational(d) => d.tangential.greatest(),
+        }
+    }
+
+    /// The ray of squared radius below `valid_square` whose distorted position is `target`.
+    ///
+    /// 1. Newton's method from `target` itself, which serves all but strong distortion.
+    /// 2. If that fails, from the ray that the radial part alone would give, found by bisection.
+    ///
+    /// `None` if neither ends within 1e-12 (relative to 1 or to the target, whichever is greater).
+    pub(super) fn undistort(&self, target: DVec2, valid_square: f64) -> Option<DVec2> {
+        if matches!(self, Self::None) {
+            return target.is_finite().then_some(target);
+        }
+        self.newton(target, target, valid_square).or_else(|| {
+            let start = self.radial_start(target, valid_square)?;
+            self.newton(start, target, valid_square)
+        })
+    }
+
+    /// Damped Newton iteration: a step is halved until it stays within the valid radius and lessens the residual.
+    fn newton(&self, start: DVec2, target: DVec2, valid_square: f64) -> Option<DVec2> {
+        let is_valid = |q: DVec2| q.length_squared() < valid_square;
+        if !is_valid(start) {
+            return None;
+        }
+        let mut q = start;
+        let mut error = (self.distort(q) - target).length();
+        // Quadratic convergence needs six or seven steps; damped ones near a fold some tens.
+        for _ in 0..60 {
+            let (at, slope) = self.distort_jacobian(q);
+            let det = slope.determinant();
+            if error == 0.0 || det == 0.0 {
+                break;
+            }
+            let r = at - target;
+            let step = DVec2::new(
+                slope.y_axis.y * r.x - slope.y_axis.x * r.y,
+                slope.x_axis.x * r.y - slope.x_axis.y * r.x,
+            ) / det;
+            let better = (0..20).find_map(|halvings| {
+                let trial = q - step * 0.5_f64.powi(halvings);
+                let e = (self.distort(trial) - target).length();
+                (is_valid(trial) && e < error).then_some((trial, e))
+            });
+            let Some(next) = better else { break };
+            (q, error) = next;
+        }
+        (error <= 1e-12 * target.length().max(1.0)).then_some(q)
+    }
+
+    /// The ray in the direction of `target` that the radial part alone brings nearest to it.
+    fn radial_start(&self, target: DVec2, valid_square: f64) -> Option<DVec2> {
+        let wanted = target.length();
+        let direction = target.try_normalize()?;
+        let radial = |r: f64| match self {
+            Self::None => r,
+            Self::Radial(d) => d.distort(DVec2::new(r, 0.0)).x,
+            Self::OpenCv(d) => d.radial.distort(DVec2::new(r, 0.0)).x,
+            Self::Rational(d) => d.radial_distort(r),
+        };
+        let end = valid_square.sqrt();
+        // Within the valid radius the distorted radius only grows: double until it is passed, then halve.
+        let (mut lo, mut hi) = (0.0, wanted);
+        while hi < end && radial(hi) < wanted {
+            (lo, hi) = (hi, 2.0 * hi);
+        }
+        hi = hi.min(end);
+        for _ in 0..50 {
+            let mid = 0.5 * (lo + hi);
+            if radial(mid) < wanted { lo = mid } else { hi = mid }
+        }
+        Some(direction * lo)
+    }
+}

@@ -1,0 +1,210 @@
+//! [`Lens`]: the interior orientation of a photograph.
+
+use glam::{DMat2, DVec2};
+
+use super::distortion::Distortion;
+use super::model::LensModel;
+use super::opencv::{OpenCv, Tangential};
+use super::radial::Radial;
+use super::rational::Rational;
+use super::ray_bounds::ray_bounds;
+use crate::geom::{Bounds2, Size};
+
+/// The greatest magnitude of a distortion coefficient: far beyond any lens, and no product of a few overflows.
+const MAX_COEFFICIENT: f64 = 1e12;
+
+/// A lens: which photo position shows which ray.
+///
+/// A *ray* is (x/z, y/z) in camera axes, for points with z > 0; a photo position is in pixels, the top-left pixel's
+/// centre at (0.5, 0.5). The model holds up to the [valid radius](Self::valid_radius).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lens {
+    model: LensModel,
+    size: Size,
+    focal_px: DVec2,
+    principal_px: DVec2,
+    distortion: Distortion,
+    valid_square: f64,
+    ray_bounds: Option<Bounds2>,
+}
+
+/// Why parameters do not make a lens.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum LensError {
+    /// A model that is known by name only.
+    #[error("camera model {} is not supported", .0.name())]
+    Unsupported(LensModel),
+    /// Parameters that no lens has.
+    #[error("expected {expected}, found {found}")]
+    Invalid {
+        /// What a lens demands.
+        expected: String,
+        /// What was given.
+        found: String,
+    },
+}
+
+impl Lens {
+    /// A lens from a model's parameters in COLMAP's order, in pixels where COLMAP has pixels.
+    ///
+    /// # Errors
+    /// [`LensError::Unsupported`] for a model that is only known by name; [`LensError::Invalid`] for a wrong number of
+    /// parameters, one that is not finite, a focal length that is not positive, a distortion coefficient beyond
+    /// ±10¹², or a size of zero.
+    pub fn new(model: LensModel, size: Size, params: &[f64]) -> Result<Self, LensError> {
+        check(model, size, params)?;
+        let (focal_px, rest) = match model {
+            LensModel::SimplePinhole | LensModel::SimpleRadial | LensModel::Radial => {
+                (DVec2::splat(params[0]), &params[1..])
+            }
+            _ => (DVec2::new(params[0], params[1]), &params[2..]),
+        };
+        let (principal_px, k) = (DVec2::new(rest[0], rest[1]), &rest[2..]);
+        if !(focal_px.x > 0.0 && focal_px.y > 0.0) {
+            return Err(invalid("a positive focal length", format!("{}", focal_px.min_element())));
+        }
+        if let Some(k) = k.iter().find(|k| k.abs() > MAX_COEFFICIENT) {
+            return Err(invalid("distortion coefficients within ±1e12", format!("{k:e}")));
+        }
+        Ok(Self::assemble(model, size, focal_px, principal_px, distortion(model, k)))
+    }
+
+    fn assemble(
+        model: LensModel,
+        size: Size,
+        focal_px: DVec2,
+        principal_px: DVec2,
+        distortion: Distortion,
+    ) -> Self {
+        let extent = DVec2::new(f64::from(size.width), f64::from(size.height));
+        let frame =
+            Bounds2 { min: -principal_px / focal_px, max: (extent - principal_px) / focal_px };
+        let valid_square = distortion.radial_function().valid_square();
+        let ray_bounds = ray_bounds(&distortion, frame, valid_square);
+        Self { model, size, focal_px, principal_px, distortion, valid_square, ray_bounds }
+    }
+
+    /// The same lens drawn without distortion: a pinhole of the same focal length and principal point.
+    #[must_use]
+    pub fn without_distortion(&self) -> Self {
+        let model = match self.model {
+            LensModel::SimplePinhole | LensModel::SimpleRadial | LensModel::Radial => {
+                LensModel::SimplePinhole
+            }
+            _ => LensModel::Pinhole,
+        };
+        Self::assemble(model, self.size, self.focal_px, self.principal_px, Distortion::None)
+    }
+
+    /// The photo position of a ray, pixels; `None` at or beyond the valid radius, or for NaN.
+    ///
+    /// The position may lie outside the frame: see [`Self::contains`].
+    #[inline]
+    pub fn photo_from_ray(&self, ray: DVec2) -> Option<DVec2> {
+        (ray.length_squared() < self.valid_square)
+            .then(|| self.focal_px * self.distortion.distort(ray) + self.principal_px)
+    }
+
+    /// The photo position of a ray and its derivative by the ray, pixels a unit of x/z (first column) and of y/z
+    /// (second column); `None` as for [`Self::photo_from_ray`], whose position it repeats bit for bit.
+    #[inline]
+    pub fn photo_from_ray_jacobian(&self, ray: DVec2) -> Option<(DVec2, DMat2)> {
+        (ray.length_squared() < self.valid_square).then(|| {
+            let (at, slope) = self.distortion.distort_jacobian(ray);
+            let slope =
+                DMat2::from_cols(self.focal_px * slope.x_axis, self.focal_px * slope.y_axis);
+            (self.focal_px * at + self.principal_px, slope)
+        })
+    }
+
+    /// The ray within the valid radius that is shown at a photo position (pixels; inside the frame or not), to 1e-12;
+    /// `None` if the lens shows none there.
+    pub fn ray_from_photo(&self, position_px: DVec2) -> Option<DVec2> {
+        let target = (position_px - self.principal_px) / self.focal_px;
+        self.distortion.undistort(target, self.valid_square)
+    }
+
+    /// Whether a photo position lies in the frame: 0 ≤ x < width and 0 ≤ y < height.
+    #[inline]
+    pub fn contains(&self, position_px: DVec2) -> bool {
+        position_px.x >= 0.0
+            && position_px.y >= 0.0
+            && position_px.x < f64::from(self.size.width)
+            && position_px.y < f64::from(self.size.height)
+    }
+
+    /// The radius |(x/z, y/z)| below which the model holds: the *first* positive root of the derivative of the
+    /// distorted radius, or of the denominator; infinity if there is none. Tangential terms play no part.
+    pub fn valid_radius(&self) -> f64 {
+        self.valid_square.sqrt()
+    }
+
+    /// A closed rectangle that holds every ray within the valid radius whose photo position lies in the frame, with
+    /// room for rounding; `None` if the model shows rays of any radius there.
+    pub fn ray_bounds(&self) -> Option<Bounds2> {
+        self.ray_bounds
+    }
+
+    /// The model.
+    pub fn model(&self) -> LensModel {
+        self.model
+    }
+
+    /// Width and height of the photo, pixels.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
+    /// Focal lengths along x and y, pixels.
+    pub fn focal_px(&self) -> DVec2 {
+        self.focal_px
+    }
+
+    /// The principal point, pixels.
+    pub fn principal_px(&self) -> DVec2 {
+        self.principal_px
+    }
+}
+
+/// Number of parameters, finiteness, size.
+fn check(model: LensModel, size: Size, params: &[f64]) -> Result<(), LensError> {
+    if !model.is_supported() {
+        return Err(LensError::Unsupported(model));
+    }
+    if params.len() != model.param_count() {
+        let expected = format!("{} parameters for {}", model.param_count(), model.name());
+        return Err(invalid(expected, params.len().to_string()));
+    }
+    if let Some(p) = params.iter().find(|p| !p.is_finite()) {
+        return Err(invalid("finite camera parameters", p.to_string()));
+    }
+    if size.area() == 0 {
+        return Err(invalid(
+            "a photo of at least one pixel",
+            format!("{} x {}", size.width, size.height),
+        ));
+    }
+    Ok(())
+}
+
+/// The distortion of a supported model, `k` the parameters after focal length and principal point.
+fn distortion(model: LensModel, k: &[f64]) -> Distortion {
+    match model {
+        LensModel::SimpleRadial => Distortion::Radial(Radial { k1: k[0], k2: 0.0 }),
+        LensModel::Radial => Distortion::Radial(Radial { k1: k[0], k2: k[1] }),
+        LensModel::OpenCv => Distortion::OpenCv(OpenCv {
+            radial: Radial { k1: k[0], k2: k[1] },
+            tangential: Tangential::new(k[2], k[3]),
+        }),
+        LensModel::FullOpenCv => Distortion::Rational(Rational {
+            numerator: [k[0], k[1], k[4]],
+            denominator: [k[5], k[6], k[7]],
+            tangential: Tangential::new(k[2], k[3]),
+        }),
+        _ => Distortion::None,
+    }
+}
+
+fn invalid(expected: impl Into<String>, found: String) -> LensError {
+    LensError::Invalid { expected: expected.into(), found }
+}

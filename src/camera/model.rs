@@ -1,0 +1,124 @@
+//! [`LensModel`]: the camera models that COLMAP knows, by its names and numbers.
+
+/// A camera model of COLMAP (`src/colmap/sensor/models.h`, version 4), computed by groundel or not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum LensModel {
+    /// `f, cx, cy`.
+    SimplePinhole,
+    /// `fx, fy, cx, cy`.
+    Pinhole,
+    /// `f, cx, cy, k`.
+    SimpleRadial,
+    /// `f, cx, cy, k1, k2`.
+    Radial,
+    /// `fx, fy, cx, cy, k1, k2, p1, p2`.
+    OpenCv,
+    /// `fx, fy, cx, cy, k1, k2, k3, k4`; named only.
+    OpenCvFisheye,
+    /// `fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6`.
+    FullOpenCv,
+    /// `fx, fy, cx, cy, omega`; named only.
+    Fov,
+    /// `f, cx, cy, k`; named only.
+    SimpleRadialFisheye,
+    /// `f, cx, cy, k1, k2`; named only.
+    RadialFisheye,
+    /// `fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, sx1, sy1`; named only.
+    ThinPrismFisheye,
+    /// `fx, fy, cx, cy, k0 … k5, p0, p1, s0 … s3`; named only.
+    RadTanThinPrismFisheye,
+    /// `f, cx, cy, k`; named only.
+    SimpleDivision,
+    /// `fx, fy, cx, cy, k`; named only.
+    Division,
+    /// `f, cx, cy`; named only.
+    SimpleFisheye,
+    /// `fx, fy, cx, cy`; named only.
+    Fisheye,
+    /// `fx, fy, cx, cy, alpha, beta`; named only.
+    Eucm,
+    /// `w, h`; named only.
+    Equirectangular,
+}
+
+/// Every model with its name and its number of parameters; the index is COLMAP's id.
+const MODELS: [(LensModel, &str, usize); 18] = [
+    (LensModel::SimplePinhole, "SIMPLE_PINHOLE", 3),
+    (LensModel::Pinhole, "PINHOLE", 4),
+    (LensModel::SimpleRadial, "SIMPLE_RADIAL", 4),
+    (LensModel::Radial, "RADIAL", 5),
+    (LensModel::OpenCv, "OPENCV", 8),
+    (LensModel::OpenCvFisheye, "OPENCV_FISHEYE", 8),
+    (LensModel::FullOpenCv, "FULL_OPENCV", 12),
+    (LensModel::Fov, "FOV", 5),
+    (LensModel::SimpleRadialFisheye, "SIMPLE_RADIAL_FISHEYE", 4),
+    (LensModel::RadialFisheye, "RADIAL_FISHEYE", 5),
+    (LensModel::ThinPrismFisheye, "THIN_PRISM_FISHEYE", 12),
+    (LensModel::RadTanThinPrismFisheye, "RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    (LensModel::SimpleDivision, "SIMPLE_DIVISION", 4),
+    (LensModel::Division, "DIVISION", 5),
+    (LensModel::SimpleFisheye, "SIMPLE_FISHEYE", 3),
+    (LensModel::Fisheye, "FISHEYE", 4),
+    (LensModel::Eucm, "EUCM", 6),
+    (LensModel::Equirectangular, "EQUIRECTANGULAR", 2),
+];
+
+impl LensModel {
+    /// The greatest number of parameters of any model.
+    pub const MAX_PARAMS: usize = 16;
+
+    /// The model with COLMAP's number `id`, as binary files hold it.
+    pub fn from_id(id: i32) -> Option<Self> {
+        MODELS.get(usize::try_from(id).ok()?).map(|m| m.0)
+    }
+
+    /// The model with COLMAP's name `name`, as text files hold it.
+    pub fn from_name(name: &str) -> Option<Self> {
+        MODELS.iter().find(|m| m.1 == name).map(|m| m.0)
+    }
+
+    /// COLMAP's number of the model.
+    pub fn id(self) -> i32 {
+        self as i32
+    }
+
+    /// COLMAP's name of the model.
+    pub fn name(self) -> &'static str {
+        MODELS[self as usize].1
+    }
+
+    /// Number of parameters.
+    pub fn param_count(self) -> usize {
+        MODELS[self as usize].2
+    }
+
+    /// Whether groundel computes it, or only knows its name.
+    pub fn is_supported(self) -> bool {
+        matches!(
+            self,
+            Self::SimplePinhole
+                | Self::Pinhole
+                | Self::SimpleRadial
+                | Self::Radial
+                | Self::OpenCv
+                | Self::FullOpenCv
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_model_is_found_by_its_own_name_and_number() {
+        for (index, (model, name, count)) in MODELS.into_iter().enumerate() {
+            assert_eq!(model.id(), i32::try_from(index).unwrap());
+            assert_eq!(LensModel::from_id(model.id()), Some(model));
+            assert_eq!(LensModel::from_name(name), Some(model));
+            assert!(count <= LensModel::MAX_PARAMS);
+        }
+        assert_eq!((LensModel::from_id(-1), LensModel::from_id(18)), (None, None));
+        assert_eq!(LensModel::from_name("pinhole"), None);
+    }
+}
