@@ -1,0 +1,33 @@
+#!/usr/bin/env bash
+# Everything that must be clean before a change is done.
+#
+#   scripts/check.sh         lint, then test
+#   scripts/check.sh lint    formatting, clippy, documentation, dependency policy
+#   scripts/check.sh test    all tests (without the Python readers: see scripts/test.sh), benches compiled
+#
+# One cargo profile throughout, so that dependencies are compiled once; every warning is an error.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+lint() {
+  cargo fmt --check
+  cargo clippy --release --locked --all-targets -- -D warnings
+  RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps
+  if cargo deny --version >/dev/null 2>&1; then
+    cargo deny --locked --config .deny.toml check bans licenses sources
+  else
+    echo "cargo-deny is not installed: dependency policy (.deny.toml) NOT checked" >&2
+  fi
+}
+
+tests() {
+  scripts/test.sh
+  cargo bench --locked --no-run
+}
+
+case "${1:-all}" in
+  lint) lint ;;
+  test) tests ;;
+  all) lint && tests ;;
+  *) echo "usage: scripts/check.sh [lint|test]" >&2; exit 2 ;;
+esac
