@@ -33,7 +33,7 @@ impl Size {
 }
 
 /// A half-open rectangle of pixels, `x0 ≤ x < x1`, `y0 ≤ y < y1`; empty when `x0 ≥ x1` or `y0 ≥ y1`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct PixelRect {
     /// First column.
     pub x0: i64,

@@ -61,7 +61,12 @@ impl Triangle {
     pub fn pixel_bounds(&self) -> PixelRect {
         let [a, b, c] = self.corners;
         let (lo, hi) = (a.min(b).min(c) - 0.5, a.max(b).max(c) - 0.5);
-        PixelRect::new(pixel(lo.x.ceil()), pixel(lo.y.ceil()), pixel(hi.x.floor()) + 1, pixel(hi.y.floor()) + 1)
+        PixelRect::new(
+            pixel(lo.x.ceil()),
+            pixel(lo.y.ceil()),
+            pixel(hi.x.floor()) + 1,
+            pixel(hi.y.floor()) + 1,
+        )
     }
 }
 
@@ -105,7 +110,8 @@ mod tests {
     fn a_pixel_on_a_shared_edge_belongs_to_one_triangle() {
         // Corners on pixel centres, the diagonal through them: every case of the fill rule.
         let p = |x: f64, y: f64| DVec2::new(x + 0.5, y + 0.5);
-        let square = [[p(0.0, 0.0), p(4.0, 0.0), p(4.0, 4.0)], [p(0.0, 0.0), p(4.0, 4.0), p(0.0, 4.0)]];
+        let square =
+            [[p(0.0, 0.0), p(4.0, 0.0), p(4.0, 4.0)], [p(0.0, 0.0), p(4.0, 4.0), p(0.0, 4.0)]];
         let count = hits(&square, &PixelRect::new(-1, -1, 7, 7));
         assert_eq!(count.iter().sum::<u32>(), 16);
         assert!(count.iter().all(|&c| c <= 1));

@@ -19,7 +19,7 @@ pub struct SurfaceFace {
 #[derive(Debug, Clone, Default)]
 pub struct SurfaceTile {
     /// The rectangle, mosaic pixels.
-    pub rect: Option<PixelRect>,
+    pub rect: PixelRect,
     /// Elevation above the frame's plane, metres; NaN where there is no surface.
     pub elevations: Vec<f64>,
     /// Index in [`Self::faces`]; [`Self::NO_FACE`] where there is no surface.
@@ -35,11 +35,6 @@ pub struct SurfaceTile {
 impl SurfaceTile {
     /// Stands in [`Self::faces_at`] for "no surface".
     pub const NO_FACE: u32 = u32::MAX;
-
-    /// The rectangle, mosaic pixels; empty before the first tile was built.
-    pub fn rect(&self) -> PixelRect {
-        self.rect.unwrap_or(PixelRect::new(0, 0, 0, 0))
-    }
 
     /// The face shown at pixel `k` of the tile, if there is one.
     ///
