@@ -7,11 +7,13 @@
 mod bounds;
 mod faces;
 mod hilbert;
+mod mesh_source;
 mod predicates;
 mod rect;
 
 pub use bounds::{Bounds2, Bounds3};
 pub use faces::{FaceBlock, FaceId};
 pub use hilbert::{hilbert2, hilbert3};
+pub use mesh_source::{FaceStream, MeshSource, PolygonFan, TriangleChunk, VertexStream};
 pub use predicates::orient2d;
 pub use rect::{PixelRect, Size};

@@ -1,1 +1,4 @@
 //! (stage store)
+
+pub mod mesh;
+mod mmap;

@@ -1,0 +1,110 @@
+//! The key of a mesh store: what it was made from.
+//!
+//! In: the input files and the layout's settings. Out: 128 bits that change with a file's name, length,
+//! modification time, or its first, middle or last MiB; not with the folder that it lies in. Does not read the
+//! whole of a large file: an edit within one that keeps length and modification time is not seen.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::Path;
+use std::time::UNIX_EPOCH;
+
+use xxhash_rust::xxh3::Xxh3;
+
+use super::lattice::STEPS_LOG2;
+use super::layout::{PARTITION_TRIANGLES, VERSION};
+use crate::{Error, Result};
+
+/// Bytes looked at in each of three places of a file.
+const SAMPLE_BYTES: u64 = 1 << 20;
+
+/// Fingerprint of the input files and the settings of a mesh store.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct MeshKey(pub(super) [u8; 16]);
+
+impl MeshKey {
+    /// The key of the store that these mesh files make, in this order.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if a file cannot be read.
+    pub fn of<P: AsRef<Path>>(files: &[P]) -> Result<Self> {
+        let mut hash = Xxh3::new();
+        hash.update(&VERSION.to_le_bytes());
+        hash.update(&STEPS_LOG2.to_le_bytes());
+        hash.update(&(PARTITION_TRIANGLES as u64).to_le_bytes());
+        for file in files {
+            add_file(&mut hash, file.as_ref()).map_err(|e| Error::io(file, e))?;
+        }
+        Ok(Self(hash.digest128().to_le_bytes()))
+    }
+
+    /// The key as 32 hexadecimal digits, as it stands in file names.
+    pub fn hex(&self) -> String {
+        self.0.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+impl fmt::Debug for MeshKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "MeshKey({})", self.hex())
+    }
+}
+
+/// Adds one file: each part with its length, so that no two lists of files give the same bytes.
+fn add_file(hash: &mut Xxh3, path: &Path) -> io::Result<()> {
+    let name = path.file_name().unwrap_or_default().as_encoded_bytes();
+    hash.update(&(name.len() as u64).to_le_bytes());
+    hash.update(name);
+    let mut file = File::open(path)?;
+    let about = file.metadata()?;
+    let bytes = about.len();
+    hash.update(&bytes.to_le_bytes());
+    // Before 1970, or unknown: zero; length and content still count.
+    let modified = about.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
+    hash.update(&modified.unwrap_or_default().as_nanos().to_le_bytes());
+    let last = bytes.saturating_sub(SAMPLE_BYTES);
+    let mut sample = Vec::new();
+    for start in [0, last / 2, last] {
+        sample.clear();
+        file.seek(SeekFrom::Start(start))?;
+        Read::by_ref(&mut file).take(SAMPLE_BYTES).read_to_end(&mut sample)?;
+        hash.update(&sample);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn the_key_follows_content_name_and_time_but_not_the_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let time = UNIX_EPOCH + Duration::from_secs(1_700_000_000);
+        let write = |folder: &str, name: &str, bytes: &[u8], time| {
+            let path = dir.path().join(folder).join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, bytes).unwrap();
+            File::options().append(true).open(&path).unwrap().set_modified(time).unwrap();
+            path
+        };
+        let mut bytes = vec![5; 5 << 20];
+        let key = |path: &Path| MeshKey::of(&[path]).unwrap();
+        let first = key(&write("a", "m.ply", &bytes, time));
+        assert_eq!(key(&write("b", "m.ply", &bytes, time)), first);
+        assert_ne!(key(&write("b", "n.ply", &bytes, time)), first);
+        assert_ne!(key(&write("b", "m.ply", &bytes, time + Duration::from_nanos(1000))), first);
+        assert_ne!(key(&write("b", "m.ply", &bytes[1..], time)), first);
+        for place in [0, 5 << 19, (5 << 20) - 1] {
+            bytes[place] ^= 1;
+            assert_ne!(key(&write("b", "m.ply", &bytes, time)), first, "byte {place}");
+            bytes[place] ^= 1;
+        }
+        let (a, b) = (write("a", "m.ply", &bytes, time), write("b", "n.ply", &bytes, time));
+        assert_ne!(MeshKey::of(&[&a, &b]).unwrap(), MeshKey::of(&[&b, &a]).unwrap());
+        assert_eq!(first.hex().len(), 32);
+    }
+}
