@@ -268,13 +268,13 @@ fn sources() -> Vec<(PathBuf, String)> {
     let mut folders = vec![src()];
     let mut files = Vec::new();
     while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
+        for entry in fs::read_dir(folder).expect("a folder of src") {
+            let path = entry.expect("an entry of src").path();
             if path.is_dir() {
                 folders.push(path);
             } else if path.extension().is_some_and(|e| e == "rs") {
-                let text = fs::read_to_string(&path).unwrap();
-                files.push((path.strip_prefix(src()).unwrap().to_path_buf(), text));
+                let text = fs::read_to_string(&path).expect("a readable source");
+                files.push((path.strip_prefix(src()).expect("under src").to_path_buf(), text));
             }
         }
     }

@@ -1,0 +1,69 @@
+//! The memory probe: what this process holds, and what the machine has.
+//!
+//! Linux tells through `/proc` and the control group's files; elsewhere every answer is `None`. The only file of
+//! the report that knows an operating system.
+
+use std::fs;
+
+/// Greatest resident memory of this process so far, in bytes (`VmHWM`).
+pub fn peak_resident_bytes() -> Option<u64> {
+    status_bytes("VmHWM:")
+}
+
+/// Resident memory of this process now, in bytes (`VmRSS`).
+pub fn resident_bytes() -> Option<u64> {
+    status_bytes("VmRSS:")
+}
+
+/// Memory that this process can hope for, in bytes: the machine's, or its control group's if that is less.
+pub fn physical_bytes() -> Option<u64> {
+    let machine = kib_field(&read("/proc/meminfo")?, "MemTotal:")?;
+    Some(control_group_bytes().map_or(machine, |group| group.min(machine)))
+}
+
+fn status_bytes(field: &str) -> Option<u64> {
+    kib_field(&read("/proc/self/status")?, field)
+}
+
+/// The limit of this process's control group (version 2), if it has one.
+fn control_group_bytes() -> Option<u64> {
+    let membership = read("/proc/self/cgroup")?;
+    let path = membership.lines().find_map(|line| line.strip_prefix("0::/"))?;
+    let folders = ["/sys/fs/cgroup", path].join("/");
+    read(&format!("{}/memory.max", folders.trim_end_matches('/')))?.trim().parse().ok()
+}
+
+fn read(path: &str) -> Option<String> {
+    fs::read_to_string(path).ok()
+}
+
+/// The value of a line `field   123 kB`, in bytes.
+fn kib_field(text: &str, field: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(field))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kib.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_field_in_kilobytes_is_read_in_bytes() {
+        let status = "VmPeak:\t  20 kB\nVmHWM:\t  12 kB\nVmRSS:\t   7 kB\n";
+        assert_eq!(kib_field(status, "VmHWM:"), Some(12 * 1024));
+        assert_eq!(kib_field(status, "VmSwap:"), None);
+        assert_eq!(kib_field("VmHWM: many kB", "VmHWM:"), None);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_peak_counts_memory_that_was_touched() {
+        let before = resident_bytes().unwrap();
+        let block = vec![1_u8; 64 << 20];
+        assert!(block.iter().map(|b| u64::from(*b)).sum::<u64>() == 64 << 20);
+        let peak = peak_resident_bytes().unwrap();
+        assert!(peak >= (60 << 20), "peak {peak}, before {before}");
+        assert!(physical_bytes().unwrap() > peak);
+    }
+}
