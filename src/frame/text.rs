@@ -1,0 +1,107 @@
+//! [`frame_toml`]: the frame as the text of `<stem>.frame.toml`.
+
+use super::mosaic::Mosaic;
+
+/// The frame file of a mosaic.
+///
+/// Numbers are the shortest that read back to the same bits, always with a point or an exponent; `elevation` is left out
+/// when it is unbounded. Reading the text and writing the mosaic it gives yields the same bytes.
+pub fn frame_toml(mosaic: &Mosaic) -> String {
+    let plane = &mosaic.plane;
+    let mut text = String::from("kind = \"plane\"\n");
+    text += &line("origin", &plane.origin.to_array());
+    text += &line("u_axis", &plane.u.to_array());
+    text += &line("v_axis", &plane.v.to_array());
+    text += &format!("pixel_size = {:?}\n", mosaic.pixel_size);
+    text += &line("extent", &mosaic.extent);
+    if mosaic.slab.iter().any(|e| e.is_finite()) {
+        text += &line("elevation", &mosaic.slab);
+    }
+    if let Some(crs) = &plane.crs {
+        text += &format!("crs = \"{crs}\"\n");
+    }
+    text
+}
+
+/// A key with an array. The Debug form of f64 ("0.002", "1e-7", "-0.0", "inf") is a TOML float, shortest round trip.
+fn line(key: &str, values: &[f64]) -> String {
+    format!("{key} = {values:?}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{FrameSpec, FrameTable, Plane};
+
+    const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+    fn read(text: &str) -> Plane {
+        let table: FrameTable = toml::from_str(text).unwrap();
+        match table.check().unwrap() {
+            FrameSpec::Plane(plane) => plane,
+            other => unreachable!("{other:?}"),
+        }
+    }
+
+    /// Writes, reads, writes again; both texts must be equal, and so must be the mosaics.
+    fn assert_round_trip(mosaic: &Mosaic) -> String {
+        let text = frame_toml(mosaic);
+        let plane = read(&text);
+        let slab = plane.elevation.unwrap_or(ALL);
+        let (p, e) = (plane.pixel_size.unwrap(), plane.extent.unwrap());
+        let again = Mosaic::new(plane, p, e, slab).unwrap();
+        assert_eq!(frame_toml(&again), text);
+        let bits = |m: &Mosaic| {
+            let plane = [m.plane.origin, m.plane.u, m.plane.v, m.plane.n].map(|v| v.to_array());
+            let rest = [m.pixel_size, m.slab[0], m.slab[1]];
+            let all = plane.concat().into_iter().chain(m.extent).chain(rest);
+            all.map(f64::to_bits).collect::<Vec<_>>()
+        };
+        assert_eq!(bits(&again), bits(mosaic));
+        assert_eq!(again.size, mosaic.size);
+        text
+    }
+
+    #[test]
+    fn a_frame_is_written_key_by_key() {
+        let plane = Plane::top().with_crs("EPSG:32634").unwrap();
+        let extent = [500_000.0, 4_000_000.5, 500_010.0, 4_000_020.0];
+        let m = Mosaic::new(plane, 0.01, extent, [f64::NEG_INFINITY, 12.0]).unwrap();
+        let expected = "kind = \"plane\"
+origin = [0.0, 0.0, 0.0]
+u_axis = [1.0, 0.0, 0.0]
+v_axis = [0.0, 1.0, 0.0]
+pixel_size = 0.01
+extent = [500000.0, 4000000.5, 500010.0, 4000020.0]
+elevation = [-inf, 12.0]
+crs = \"EPSG:32634\"
+";
+        assert_eq!(assert_round_trip(&m), expected);
+    }
+
+    #[test]
+    fn an_unbounded_slab_is_not_written() {
+        let m = Mosaic::new(Plane::top(), 1.0, [0.0, 0.0, 2.0, 2.0], ALL).unwrap();
+        assert!(!assert_round_trip(&m).contains("elevation"));
+    }
+
+    #[test]
+    fn odd_numbers_survive_to_the_last_bit() {
+        let u = [0.679_064_334_075_875_6, 0.734_078_762_930_850_5, -0.0];
+        let origin = [-0.0, 1e22, 1.0 / 3.0];
+        let plane = Plane::new(origin, u, [0.0, -0.0, -1.0]).unwrap();
+        let third = 1.0 / 3.0;
+        for slab in [[-1e-7, f64::INFINITY], [f64::MIN, f64::MAX], [-0.0, 5e-324]] {
+            let extent = [-1e-300, -0.0, 0.1 + 0.2, 1e3 + third];
+            let m = Mosaic::new(plane.clone(), third * 1e-5, extent, slab).unwrap();
+            assert_round_trip(&m);
+        }
+    }
+
+    #[test]
+    fn axes_that_had_to_be_squared_are_written_squared() {
+        let plane = Plane::new([0.0; 3], [0.707_107, 0.707_107, 0.0], [-0.707_107, 0.707_106, 0.0]);
+        let m = Mosaic::new(plane.unwrap(), 0.5, [0.0, 0.0, 2.0, 2.0], ALL).unwrap();
+        assert_round_trip(&m);
+    }
+}
