@@ -1,7 +1,7 @@
-//! The command `groundel`: all it does is turn what [`groundel::cli`] finds into an exit code.
+//! The command `groundel`: turns what [`groundel::cli`] finds into an exit code.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    ExitCode::SUCCESS
+    ExitCode::from(groundel::cli::run(std::env::args_os()))
 }

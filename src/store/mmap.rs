@@ -5,7 +5,10 @@
 //! Promises: no byte beyond the stated length is touched. Does not: map foreign files, which may be cut short
 //! under the map; they are read.
 
-#![expect(unsafe_code, reason = "mapping a file is unsafe in itself; the argument stands at each block")]
+#![expect(
+    unsafe_code,
+    reason = "mapping a file is unsafe in itself; the argument stands at each block"
+)]
 
 use std::fs::File;
 use std::io;
@@ -80,8 +83,7 @@ impl MappedFile {
             let advice = memmap2::UncheckedAdvice::DontNeed;
             // SAFETY: the map is shared, read-only and backed by an immutable file, so that a page dropped here
             // comes back with the same bytes even if another thread is reading it at this moment.
-            let done =
-                unsafe { self.map.unchecked_advise_range(advice, range.start, range.len()) };
+            let done = unsafe { self.map.unchecked_advise_range(advice, range.start, range.len()) };
             drop::<io::Result<()>>(done);
         }
     }

@@ -202,7 +202,11 @@ impl RawHeader {
         }
         let crc = crc32fast::hash(&bytes[..field::HEADER_CRC.start]);
         if u32_at(field::HEADER_CRC) != crc {
-            return corrupt("checksum", format!("{crc:08x}"), format!("{:08x}", u32_at(field::HEADER_CRC)));
+            return corrupt(
+                "checksum",
+                format!("{crc:08x}"),
+                format!("{:08x}", u32_at(field::HEADER_CRC)),
+            );
         }
         let version = u32_at(field::VERSION);
         if version != VERSION || u32_at(field::HEADER_BYTES) != HEADER_BYTES as u32 {
@@ -456,10 +460,8 @@ mod tests {
                 Some((name, cells[0].parse().ok()?, cells[1].parse().ok()?))
             })
             .collect();
-        let constants: Vec<(String, usize, usize)> = field::ALL
-            .iter()
-            .map(|(name, at)| ((*name).to_owned(), at.start, at.len()))
-            .collect();
+        let constants: Vec<(String, usize, usize)> =
+            field::ALL.iter().map(|(name, at)| ((*name).to_owned(), at.start, at.len())).collect();
         assert_eq!(rows, constants);
         assert!(field::ALL.windows(2).all(|w| w[0].1.end == w[1].1.start));
         assert_eq!(field::ALL.last().unwrap().1.end, HEADER_BYTES);

@@ -181,7 +181,12 @@ impl PartitionBuffer {
 
     /// Decodes a payload whose checksum is right; `entry` must be plausible. On `None` the payload is not what
     /// a writer makes, and the buffer holds nothing.
-    pub(super) fn decode(&mut self, entry: &Entry, payload: &[u8], lattice: &Lattice) -> Option<()> {
+    pub(super) fn decode(
+        &mut self,
+        entry: &Entry,
+        payload: &[u8],
+        lattice: &Lattice,
+    ) -> Option<()> {
         let decoded = self.try_decode(entry, payload, lattice);
         if decoded.is_none() {
             *self = Self::new();
@@ -209,13 +214,17 @@ impl PartitionBuffer {
         };
         self.positions.clear();
         if entry.is_wide() {
-            self.positions.extend(offsets.chunks_exact(24).map(|bytes| {
-                local(std::array::from_fn(|a| u64_le(&bytes[8 * a..])))
-            }));
+            self.positions.extend(
+                offsets
+                    .chunks_exact(24)
+                    .map(|bytes| local(std::array::from_fn(|a| u64_le(&bytes[8 * a..])))),
+            );
         } else {
-            self.positions.extend(offsets.chunks_exact(12).map(|bytes| {
-                local(std::array::from_fn(|a| u64::from(u32_le(&bytes[4 * a..]))))
-            }));
+            self.positions.extend(
+                offsets.chunks_exact(12).map(|bytes| {
+                    local(std::array::from_fn(|a| u64::from(u32_le(&bytes[4 * a..]))))
+                }),
+            );
         }
         (greatest == entry.extent).then_some(())
     }

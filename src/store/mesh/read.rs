@@ -50,7 +50,8 @@ impl MeshStore {
         let file_bytes = file.metadata().map_err(|e| Error::io(path, e))?.len();
         let mut raw = RawHeader([0; HEADER_BYTES]);
         if file_bytes < HEADER_BYTES as u64 {
-            let (expected, found) = (format!("{HEADER_BYTES} bytes or more"), file_bytes.to_string());
+            let (expected, found) =
+                (format!("{HEADER_BYTES} bytes or more"), file_bytes.to_string());
             return Err(Error::corrupt(path, "file length", expected, found));
         }
         file.read_exact(&mut raw.0).map_err(|e| Error::io(path, e))?;

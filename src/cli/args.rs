@@ -1,0 +1,272 @@
+//! [`Args`]: the command line as typed.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::{Arg, ArgAction, CommandFactory, FromArgMatches, Parser, Subcommand};
+
+use super::settings::{BlendRule, Interpolation, Outliers, View, Weights};
+use super::values;
+use crate::output::{Compression, Meaning};
+
+/// Parsers of a path and of a pattern, which may be any text of the system.
+macro_rules! path {
+    () => {
+        OsStringValueParser::new().try_map(values::path)
+    };
+}
+macro_rules! pattern {
+    () => {
+        OsStringValueParser::new().try_map(values::pattern)
+    };
+}
+
+/// The command line.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "groundel", version, about, arg_required_else_help = false)]
+#[command(after_help = EXIT_CODES)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 done; 1 done, but photos had to be left out (each is named); 2 bad input or usage;
+3 over budget, nothing begun; 4 I/O error, a retry may help.";
+
+const PROJECT_HELP: &str = "\
+A project file holds the same words in snake_case (pixel_size = 0.002, mesh = [\"a.ply\"]), paths relative
+to itself, and the frame as a table [frame]. Flags override it.";
+
+impl Args {
+    /// The command line, parsed; a flag's value may begin with a minus.
+    ///
+    /// # Errors
+    /// What clap says: a wrong usage, or that help or version was asked for.
+    pub fn from_typed(
+        typed: impl IntoIterator<Item = OsString>,
+    ) -> std::result::Result<Self, clap::Error> {
+        let command = with_short_help(Self::command());
+        let command =
+            command.mut_subcommands(|command| with_short_help(with_minus_values(command)));
+        Self::from_arg_matches(&command.try_get_matches_from(typed)?)
+    }
+}
+
+/// `command`, whose flags take values that begin with a minus.
+fn with_minus_values(command: clap::Command) -> clap::Command {
+    command.mut_args(|arg| {
+        let takes_value = arg.get_action().takes_values() && !arg.is_positional();
+        if takes_value { arg.allow_hyphen_values(true) } else { arg }
+    })
+}
+
+/// `command`, whose help is one line a flag, with `-h` and `--help` alike.
+fn with_short_help(command: clap::Command) -> clap::Command {
+    let help = Arg::new("help").short('h').long("help").action(ArgAction::HelpShort);
+    command.disable_help_flag(true).arg(help.help("Show this help"))
+}
+
+/// What to do.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Command {
+    /// Build a synthetic façade with photos and render it: the whole job, no input needed
+    Demo {
+        /// Folder to write to; made if need be
+        #[arg(value_name = "DIR", default_value = "demo")]
+        dir: PathBuf,
+        /// Memory cap of the process, at least 256MiB [default: half of the physical memory]
+        #[arg(long, value_name = "SIZE", value_parser = values::memory)]
+        memory: Option<u64>,
+        /// Threads [default: all processors]
+        #[arg(long, value_name = "N", value_parser = values::threads)]
+        threads: Option<usize>,
+        /// Show no progress and no summary
+        #[arg(long)]
+        quiet: bool,
+    },
+    /// Mesh + cameras + photos → true-orthoimage mosaic
+    #[command(after_help = PROJECT_HELP)]
+    Ortho(Box<OrthoArgs>),
+    /// Plan a distributed job (comes with a later version: exit code 2)
+    #[command(after_help = PROJECT_HELP)]
+    Plan {
+        /// The flags of `ortho`
+        #[command(flatten)]
+        ortho: Box<OrthoArgs>,
+        /// Folder of the job
+        #[arg(long, value_name = "JOB", value_parser = path!())]
+        job: PathBuf,
+        /// Batches to cut the tiles into
+        #[arg(long, value_name = "N")]
+        batches: Option<u32>,
+    },
+    /// Render a batch of a job's tiles (comes with a later version: exit code 2)
+    Render {
+        /// Folder of the job
+        job: PathBuf,
+        /// The batch, from 0 [default: all that are missing]
+        #[arg(long, value_name = "K", conflicts_with = "missing")]
+        batch: Option<u32>,
+        /// Only print the numbers of the missing batches, one a line
+        #[arg(long)]
+        missing: bool,
+    },
+    /// Assemble a job's parts into the final files (comes with a later version: exit code 2)
+    Assemble {
+        /// Folder of the job
+        job: PathBuf,
+        /// The mosaic
+        #[arg(long, value_name = "OUT.tif", value_parser = path!())]
+        out: PathBuf,
+    },
+    /// Tell what is in a mesh, camera set, photo, store, frame, project or mosaic
+    Info {
+        /// A file or a folder
+        path: PathBuf,
+    },
+}
+
+/// The flags of `groundel ortho`. Every one may be missing: the project file or a default steps in.
+#[derive(Clone, Debug, Default, PartialEq, clap::Args)]
+pub struct OrthoArgs {
+    /// Project file: the same settings as TOML; flags override it
+    #[arg(value_name = "PROJECT.toml")]
+    pub project: Option<PathBuf>,
+
+    /// Surface mesh, PLY; repeatable, face ids run on in this order
+    #[arg(long, value_name = "FILE", help_heading = "Input", value_parser = path!())]
+    pub mesh: Vec<PathBuf>,
+    /// Orientations of the photos: a COLMAP model folder, binary or text
+    #[arg(long, value_name = "PATH", help_heading = "Input", value_parser = path!())]
+    pub cameras: Option<PathBuf>,
+    /// Folder in which the photos lie under the names of the camera set
+    #[arg(long, value_name = "DIR", help_heading = "Input", value_parser = path!())]
+    pub photos: Option<PathBuf>,
+    /// Use only photos whose full name matches (* crosses /); repeatable [default: all]
+    #[arg(long, value_name = "GLOB", help_heading = "Input", value_parser = pattern!())]
+    pub include: Vec<String>,
+    /// Use no photo whose full name matches (* crosses /); repeatable [default: none]
+    #[arg(long, value_name = "GLOB", help_heading = "Input", value_parser = pattern!())]
+    pub exclude: Vec<String>,
+    /// Folder of masks, <photo name>.png or <photo stem>.png, 0 = do not use (comes with a later version)
+    #[arg(long, value_name = "DIR", help_heading = "Input", value_parser = path!())]
+    pub masks: Option<PathBuf>,
+
+    /// Frame file: what the mosaic is drawn on; or give --view
+    #[arg(long, value_name = "FILE.toml", help_heading = "Frame", value_parser = path!())]
+    pub frame: Option<PathBuf>,
+    /// Frame without a file: top looks down with u = x, v = y; fit comes with a later version
+    #[arg(long, help_heading = "Frame", value_name = "NAME", value_enum, conflicts_with = "frame")]
+    pub view: Option<View>,
+    /// Direction that is up in the mosaic, for --view fit
+    #[arg(long, value_name = "X,Y,Z", help_heading = "Frame", value_parser = values::direction)]
+    pub up: Option<[f64; 3]>,
+    /// Side of a mosaic pixel, metres [default: the frame's, else the photos' median footprint]
+    #[arg(long, value_name = "P", help_heading = "Frame", value_parser = values::positive)]
+    pub pixel_size: Option<f64>,
+    /// Extent in frame coordinates, metres [default: the frame's, else the bounds of the mesh]
+    #[arg(long, value_name = "U0,V0,U1,V1", help_heading = "Frame", value_parser = values::extent)]
+    pub extent: Option<[f64; 4]>,
+    /// Slab of elevations to draw, metres; inf and -inf allowed [default: the frame's, else all]
+    #[arg(long, value_name = "MIN,MAX", help_heading = "Frame", value_parser = values::elevation)]
+    pub elevation: Option<[f64; 2]>,
+    /// Projected coordinate system in metres, EPSG:n [default: the frame's, else a local one]
+    #[arg(long, value_name = "EPSG:n", help_heading = "Frame", value_parser = values::crs)]
+    pub crs: Option<String>,
+    /// Allow a mosaic of more than 10 times the photos' pixels
+    #[arg(long, help_heading = "Frame")]
+    pub force: bool,
+
+    /// How photos are sampled [default: bicubic]
+    #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
+    pub interpolation: Option<Interpolation>,
+    /// Rejection of outlying colours where more than two photos see a pixel [default: sigma]
+    #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
+    pub outliers: Option<Outliers>,
+    /// Colours farther than B standard deviations from the mean are rejected [default: 1.0]
+    #[arg(long, value_name = "B", help_heading = "Colour", value_parser = values::not_negative)]
+    pub beta: Option<f64>,
+    /// Weight of a photo: area of the face in photo pixels, or all alike [default: area]
+    #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
+    pub weights: Option<Weights>,
+    /// Weighted mean of the photos, or the heaviest photo alone [default: mean]
+    #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
+    pub blend: Option<BlendRule>,
+    /// How far behind another face a point counts as seen, metres [default: 0.02 pixel]
+    #[arg(long, value_name = "M", help_heading = "Colour", value_parser = values::not_negative)]
+    pub occlusion_tolerance: Option<f64>,
+    /// Colour under transparent pixels, in the output's range [default: 0,0,0]
+    #[arg(long, value_name = "R,G,B", help_heading = "Colour", value_parser = values::colour)]
+    pub undefined: Option<[u16; 3]>,
+
+    /// The mosaic, a Cloud Optimized GeoTIFF; layers are written beside it
+    #[arg(long, value_name = "FILE.tif", help_heading = "Output", value_parser = path!())]
+    pub out: Option<PathBuf>,
+    /// Also write <out stem>.<layer>.tif: elevation, face, count, used, coverage, best [default: none]
+    #[arg(long, value_name = "A,B,…", help_heading = "Output", value_parser = values::layer, value_delimiter = ',')]
+    pub layers: Vec<Meaning>,
+    /// Compression of the tiles: deflate, zstd, lzw or none [default: deflate]
+    #[arg(long, value_name = "NAME", help_heading = "Output", value_parser = values::compression)]
+    pub compress: Option<Compression>,
+    /// Side of the tiles in the files, pixels, a multiple of 16 [default: 512]
+    #[arg(long, value_name = "N", help_heading = "Output", value_parser = values::tile_size)]
+    pub tile_size: Option<u32>,
+    /// Run report: counts, coverage, photos, times and memory [default: none]
+    #[arg(long, value_name = "FILE.json", help_heading = "Output", value_parser = path!())]
+    pub report: Option<PathBuf>,
+
+    /// Memory cap of the process, at least 256MiB [default: half of the physical memory]
+    #[arg(long, value_name = "SIZE", help_heading = "Run", value_parser = values::memory)]
+    pub memory: Option<u64>,
+    /// Threads [default: all processors]
+    #[arg(long, value_name = "N", help_heading = "Run", value_parser = values::threads)]
+    pub threads: Option<usize>,
+    /// Folder for stores, reused when they match [default: .groundel beside the output]
+    #[arg(long, value_name = "DIR", help_heading = "Run", value_parser = path!())]
+    pub work: Option<PathBuf>,
+    /// Show no progress and no summary
+    #[arg(long, help_heading = "Run")]
+    pub quiet: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ortho(arguments: &[&str]) -> OrthoArgs {
+        let typed = ["groundel", "ortho"].iter().chain(arguments).map(OsString::from);
+        match Args::from_typed(typed).unwrap().command {
+            Command::Ortho(args) => *args,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn values_may_begin_with_a_minus() {
+        let args = ortho(&["--extent", "-1,-2,3,4", "--elevation", "-inf,0.5", "--mesh", "-a.ply"]);
+        assert_eq!(args.extent, Some([-1.0, -2.0, 3.0, 4.0]));
+        assert_eq!(args.elevation, Some([f64::NEG_INFINITY, 0.5]));
+        assert_eq!(args.mesh, [PathBuf::from("-a.ply")]);
+    }
+
+    #[test]
+    fn repeated_flags_and_lists_keep_their_order() {
+        let args = ortho(&["--mesh", "b.ply", "--mesh", "a.ply", "--layers", "best,face"]);
+        assert_eq!(args.mesh, [PathBuf::from("b.ply"), PathBuf::from("a.ply")]);
+        assert_eq!(args.layers, [Meaning::Best, Meaning::Face]);
+    }
+
+    #[test]
+    fn a_project_file_needs_no_flag() {
+        let args = ortho(&["p.toml", "--quiet"]);
+        assert_eq!((args.project, args.quiet), (Some("p.toml".into()), true));
+    }
+}

@@ -1,0 +1,132 @@
+//! What the mosaic is drawn on, from a frame file, the project's `[frame]` or a view, and the flags over it.
+
+use std::path::Path;
+
+use super::args::OrthoArgs;
+use super::settings::View;
+use crate::frame::{FrameSpec, FrameTable, Plane};
+use crate::input::read_frame;
+use crate::{Error, Result};
+
+/// The frame that `args`, merged with the project file, ask for; `table` is the project's `[frame]`.
+///
+/// # Errors
+/// [`Error::Usage`] if there is no frame or flags contradict it, [`Error::Unsupported`] for frames that cannot be
+/// drawn yet, and what reading a frame file gives.
+pub(super) fn plane(args: &OrthoArgs, table: Option<FrameTable>) -> Result<Plane> {
+    if args.up.is_some() && args.view != Some(View::Fit) {
+        return Err(Error::usage("--up goes with --view fit only (in a project file: `up`)"));
+    }
+    let plane = match (&args.frame, args.view, table) {
+        (Some(file), ..) => read_frame(file)?.into_plane(file)?,
+        (None, Some(View::Top), _) => Plane::top(),
+        (None, Some(View::Fit), _) => {
+            return Err(Error::Unsupported {
+                path: "--view".into(),
+                what: "\"fit\"".into(),
+                hint: Some("give a frame file, or --view top".into()),
+            });
+        }
+        (None, None, Some(table)) => of_project(args, table)?,
+        (None, None, None) => {
+            return Err(Error::usage(
+                "a frame is missing: give --frame FILE.toml or --view top (in a project file: `[frame]` or `view`)",
+            ));
+        }
+    };
+    overridden(plane, args)
+}
+
+/// The project's `[frame]`, with the place in the file for what is wrong in it.
+fn of_project(args: &OrthoArgs, table: FrameTable) -> Result<Plane> {
+    let path = args.project.as_deref().unwrap_or(Path::new("project"));
+    let spec: FrameSpec = table.check().map_err(|error| {
+        Error::corrupt(path, format!("key `frame.{}`", error.key), error.expected, error.found)
+    })?;
+    spec.into_plane(path)
+}
+
+/// `plane` with what the flags say about it.
+fn overridden(plane: Plane, args: &OrthoArgs) -> Result<Plane> {
+    let plane = Plane {
+        pixel_size: args.pixel_size.or(plane.pixel_size),
+        extent: args.extent.or(plane.extent),
+        elevation: args.elevation.or(plane.elevation),
+        ..plane
+    };
+    match &args.crs {
+        Some(crs) => plane.with_crs(crs).map_err(|error| Error::usage(format!("--crs: {error}"))),
+        None => Ok(plane),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> FrameTable {
+        toml::from_str(
+            "kind = \"plane\"\norigin = [0, 0, 5]\nu_axis = [1, 0, 0]\nv_axis = [0, 0, 1]\n\
+             pixel_size = 0.5\nelevation = [-inf, 2]",
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn flags_override_the_frame() {
+        let args = OrthoArgs {
+            pixel_size: Some(0.1),
+            extent: Some([0.0, 0.0, 1.0, 1.0]),
+            ..Default::default()
+        };
+        let plane = plane(&args, Some(table())).unwrap();
+        assert_eq!((plane.pixel_size, plane.extent), (Some(0.1), Some([0.0, 0.0, 1.0, 1.0])));
+        assert_eq!(plane.elevation, Some([f64::NEG_INFINITY, 2.0]));
+    }
+
+    #[test]
+    fn a_view_flag_overrides_the_projects_frame() {
+        let args = OrthoArgs {
+            view: Some(View::Top),
+            crs: Some("EPSG:32634".into()),
+            ..Default::default()
+        };
+        let found = plane(&args, Some(table())).unwrap();
+        assert_eq!((found.origin.z, found.epsg()), (0.0, Some(32634)));
+    }
+
+    #[test]
+    fn a_reference_system_on_a_facade_is_a_usage_error() {
+        let args = OrthoArgs { crs: Some("EPSG:32634".into()), ..Default::default() };
+        let error = plane(&args, Some(table())).unwrap_err();
+        assert!(error.to_string().starts_with("--crs: v_axis: expected"), "{error}");
+    }
+
+    #[test]
+    fn no_frame_and_frames_still_to_come_are_answered_each_in_its_way() {
+        let none = plane(&OrthoArgs::default(), None).unwrap_err();
+        assert!(none.to_string().contains("--view top"), "{none}");
+        let fit =
+            OrthoArgs { view: Some(View::Fit), up: Some([0.0, 0.0, 1.0]), ..Default::default() };
+        assert!(matches!(plane(&fit, None), Err(Error::Unsupported { .. })));
+        let up =
+            OrthoArgs { up: Some([0.0, 0.0, 1.0]), view: Some(View::Top), ..Default::default() };
+        assert!(matches!(plane(&up, None), Err(Error::Usage(_))));
+        let cylinder: FrameTable = toml::from_str(
+            "kind = \"cylinder\"\norigin = [0, 0, 0]\naxis = [0, 0, 1]\nzero = [1, 0, 0]\nradius = 5.0\nfacing = \"outside\"",
+        )
+        .unwrap();
+        assert!(matches!(
+            plane(&OrthoArgs::default(), Some(cylinder)),
+            Err(Error::Unsupported { .. })
+        ));
+    }
+
+    #[test]
+    fn a_fault_in_the_projects_frame_is_placed() {
+        let args = OrthoArgs { project: Some("p.toml".into()), ..Default::default() };
+        let broken = FrameTable { u_axis: Some([1.0, 1.0, 0.0]), ..table() };
+        let error = plane(&args, Some(broken)).unwrap_err();
+        assert!(error.to_string().starts_with("p.toml: key `frame.u_axis`: expected"), "{error}");
+    }
+}

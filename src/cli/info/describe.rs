@@ -1,0 +1,29 @@
+//! Which kind of file it is.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::tiff;
+use crate::{Error, Result};
+
+/// First bytes of a file that are enough to know it by.
+const HEAD_BYTES: u64 = 16;
+
+/// What is in the file or folder at `path`, a few lines, each ending in a newline.
+///
+/// # Errors
+/// [`Error::Unsupported`] for what groundel does not know, and what reading the file gives.
+pub(in crate::cli) fn describe(path: &Path) -> Result<String> {
+    match &head(path)?[..] {
+        [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::describe(path),
+        _ => Err(Error::unsupported(path, "this kind of file")),
+    }
+}
+
+fn head(path: &Path) -> Result<Vec<u8>> {
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let mut head = Vec::new();
+    file.take(HEAD_BYTES).read_to_end(&mut head).map_err(|e| Error::io(path, e))?;
+    Ok(head)
+}

@@ -1,0 +1,87 @@
+//! The settings that are one word of a few.
+
+use clap::ValueEnum;
+
+use crate::{Error, Result};
+
+/// A frame without a frame file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum View {
+    /// From above: u = x, v = y.
+    Top,
+    /// On a plane fitted to the mesh.
+    Fit,
+}
+
+/// How photos are sampled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Interpolation {
+    /// The nearest pixel.
+    Nearest,
+    /// Between four pixels.
+    Bilinear,
+    /// Cubic convolution over sixteen pixels.
+    #[default]
+    Bicubic,
+}
+
+/// Rejection of outlying colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Outliers {
+    /// All colours are kept.
+    None,
+    /// Colours too many standard deviations from the mean are rejected.
+    #[default]
+    Sigma,
+}
+
+/// Weight of a photo in the mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Weights {
+    /// Area of the face in photo pixels.
+    #[default]
+    Area,
+    /// All alike.
+    Equal,
+}
+
+/// How many colours become one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum BlendRule {
+    /// Weighted mean of the kept photos.
+    #[default]
+    Mean,
+    /// The heaviest kept photo alone.
+    Best,
+}
+
+/// The value that `text` names, for the project file's key `key`.
+///
+/// # Errors
+/// [`Error::Usage`] with the values that are allowed.
+pub(super) fn parse<T: ValueEnum>(key: &str, text: &str) -> Result<T> {
+    T::from_str(text, false).map_err(|_unnamed: String| {
+        let names: Vec<_> =
+            T::value_variants().iter().filter_map(ValueEnum::to_possible_value).collect();
+        let names: Vec<_> = names.iter().map(clap::builder::PossibleValue::get_name).collect();
+        Error::usage(format!("`{key}`: expected one of {}, found {text:?}", names.join(", ")))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_word_is_answered_with_those_allowed() {
+        assert_eq!(
+            parse::<Interpolation>("interpolation", "nearest").unwrap(),
+            Interpolation::Nearest
+        );
+        let error = parse::<Interpolation>("interpolation", "cubic").unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "`interpolation`: expected one of nearest, bilinear, bicubic, found \"cubic\""
+        );
+    }
+}
