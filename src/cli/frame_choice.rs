@@ -5,7 +5,6 @@ use std::path::Path;
 use super::args::OrthoArgs;
 use super::settings::View;
 use crate::frame::{FrameSpec, FrameTable, Plane};
-use crate::input::read_frame;
 use crate::{Error, Result};
 
 /// The frame that `args`, merged with the project file, ask for; `table` is the project's `[frame]`.
@@ -35,6 +34,14 @@ pub(super) fn plane(args: &OrthoArgs, table: Option<FrameTable>) -> Result<Plane
         }
     };
     overridden(plane, args)
+}
+
+/// The frame of a frame file.
+fn read_frame(path: &Path) -> Result<FrameSpec> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    let table: FrameTable = toml::from_str(&text)
+        .map_err(|e| Error::corrupt(path, "frame", "a frame file", e.message().to_string()))?;
+    table.check().map_err(|e| Error::corrupt(path, format!("key `{}`", e.key), e.expected, e.found))
 }
 
 /// The project's `[frame]`, with the place in the file for what is wrong in it.
