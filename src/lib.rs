@@ -37,14 +37,14 @@
 //! | [`raster`] | triangle scan conversion and fill rule; knows no mesh and no photo | geom image |
 //! | [`synthetic`] | analytic scenes with known answers, for the demo, tests and benches | geom image camera frame |
 //! | [`input`] | foreign formats, checked at the door, streamed | geom camera frame |
-//! | [`store`] | our immutable files: mesh partitions, photo tiles | geom image camera |
+//! | [`store`] | our immutable files: mesh partitions, photo tiles | geom image camera input |
 //! | [`plan`] | mosaic grid, tiles, order; the partitions and photos each tile needs | geom camera frame store |
 //! | [`surface`] | what the projection sees: elevation and face per mosaic pixel | geom image frame raster |
-//! | [`visibility`] | where one photo sees that surface | geom image camera raster surface |
+//! | [`visibility`] | where one photo sees that surface | geom image camera frame raster surface |
 //! | [`sample`] | colour of the visible pixels from one photo window | geom image visibility |
 //! | [`blend`] | many samples → one pixel: outliers, weights | geom image sample |
 //! | [`output`] | tiled BigTIFF/GeoTIFF/COG, overviews, frame sidecars; knows no rendering | geom image frame |
-//! | [`render`] | joins the stages for one tile; threads, caches, memory budget | geom store plan surface visibility sample blend |
+//! | [`render`] | joins the stages for one tile; threads, caches, memory budget | geom image frame store plan surface visibility sample blend |
 //! | [`batch`] | manifest, parts, resume and assembly of tile batches | geom store plan render output |
 //! | [`report`] | what a run found, as JSON and as a short text | geom image plan |
 //! | [`cli`] | `Args` (as typed) → `Config` (as built) → command; the only module that prints | all but the stages |

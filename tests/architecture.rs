@@ -20,14 +20,14 @@ const TABLE: &[(&str, &str)] = &[
     ("raster", "geom image"),
     ("synthetic", "geom image camera frame"),
     ("input", "geom camera frame"),
-    ("store", "geom image camera"),
+    ("store", "geom image camera input"),
     ("plan", "geom camera frame store"),
     ("surface", "geom image frame raster"),
-    ("visibility", "geom image camera raster surface"),
+    ("visibility", "geom image camera frame raster surface"),
     ("sample", "geom image visibility"),
     ("blend", "geom image sample"),
     ("output", "geom image frame"),
-    ("render", "geom store plan surface visibility sample blend"),
+    ("render", "geom image frame store plan surface visibility sample blend"),
     ("batch", "geom store plan render output"),
     ("report", "geom image plan"),
     ("cli", ALL_BUT_THE_STAGES),
@@ -263,6 +263,33 @@ fn src() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
 }
 
+/// Names of the modules that `source` declares for tests only: `#[cfg(test)] mod tests;`.
+fn test_modules(source: &str) -> Vec<String> {
+    let tokens: Vec<_> = tokens_of(source).into_iter().collect();
+    let marks_test = |at: usize| matches!(&tokens[at], TokenTree::Group(g) if g.stream().to_string().replace(' ', "") == "cfg(test)");
+    let declared = |at: usize| {
+        let is_mod = ident(&tokens, at + 1).is_some_and(|word| word == "mod");
+        if is_mod { ident(&tokens, at + 2) } else { None }
+    };
+    (0..tokens.len()).filter(|at| marks_test(*at)).filter_map(declared).collect()
+}
+
+/// The modules that are declared for tests only, as paths relative to `src/` without an ending.
+fn modules_for_tests(all: &[(PathBuf, String)]) -> Vec<PathBuf> {
+    let declared_in = |(declaring, source): &(PathBuf, String)| {
+        let folder = match declaring.file_name().and_then(|name| name.to_str()) {
+            Some("mod.rs" | "lib.rs") => declaring.with_file_name(""),
+            _ => declaring.with_extension(""),
+        };
+        test_modules(source).into_iter().map(move |name| folder.join(name)).collect::<Vec<_>>()
+    };
+    all.iter().flat_map(declared_in).collect()
+}
+
+fn belongs_to(file: &Path, modules: &[PathBuf]) -> bool {
+    modules.iter().any(|module| file.with_extension("") == *module || file.starts_with(module))
+}
+
 /// Every Rust file under `src/`, relative to it, with its text, sorted.
 fn sources() -> Vec<(PathBuf, String)> {
     let mut folders = vec![src()];
@@ -283,7 +310,10 @@ fn sources() -> Vec<(PathBuf, String)> {
 }
 
 fn violations(check: fn(&Path, &str) -> Vec<String>) -> Vec<String> {
-    sources().iter().flat_map(|(file, source)| check(file, source)).collect()
+    let all = sources();
+    let for_tests = modules_for_tests(&all);
+    let product = all.iter().filter(|(file, _)| !belongs_to(file, &for_tests));
+    product.flat_map(|(file, source)| check(file, source)).collect()
 }
 
 #[test]
@@ -388,6 +418,22 @@ fn what_the_table_allows_passes() {
     ] {
         let found = caught(layer_violations, "blend/mean.rs", source);
         assert_eq!(found, Vec::<String>::new(), "{source}");
+    }
+}
+
+#[test]
+fn files_of_test_modules_are_exempt_and_no_others() {
+    let declaring = "mod mean;\n#[cfg(test)]\nmod tests;\n#[cfg(test)] mod scenes;".to_string();
+    let inner = "mod sigma;\n#[cfg(test)]\nmod cases;".to_string();
+    let all = [("blend/mod.rs".into(), declaring), ("blend/mean.rs".into(), inner)];
+    let modules = modules_for_tests(&all);
+    for file in
+        ["blend/tests.rs", "blend/scenes/mod.rs", "blend/scenes/a.rs", "blend/mean/cases.rs"]
+    {
+        assert!(belongs_to(Path::new(file), &modules), "{file}");
+    }
+    for file in ["blend/mean.rs", "blend/mean/sigma.rs", "plan/tests.rs", "blend/tests_too.rs"] {
+        assert!(!belongs_to(Path::new(file), &modules), "{file}");
     }
 }
 
