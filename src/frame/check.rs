@@ -77,12 +77,12 @@ pub(super) fn orthonormal(
 ) -> Result<[DVec3; 2], FrameError> {
     for (key, axis) in keys.into_iter().zip([first, second]) {
         let length = axis.length();
-        if !((length - 1.0).abs() <= TOLERANCE) {
+        if (length - 1.0).abs() > TOLERANCE {
             return Err(FrameError::new(key, "a unit vector", format!("length {length:?}")));
         }
     }
     let cosine = first.dot(second);
-    if !(cosine.abs() <= TOLERANCE) {
+    if cosine.abs() > TOLERANCE {
         let angle = libm::acos(cosine / (first.length() * second.length())).to_degrees();
         let expected = format!("a right angle with {}", keys[0]);
         return Err(FrameError::new(keys[1], expected, format!("{angle:.6} degrees")));

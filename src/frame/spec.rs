@@ -72,7 +72,7 @@ pub enum Orientation {
         distorted: bool,
     },
     /// Given in the frame; drawn as the model says.
-    Given(Lens, Pose),
+    Given(Box<Lens>, Pose),
 }
 
 impl FrameSpec {
@@ -174,7 +174,7 @@ impl FrameTable {
                     let expected = "only a photo to be drawn with or without distortion";
                     return Err(FrameError::new("distorted", expected, "a camera of its own"));
                 }
-                Orientation::Given(lens(camera)?, self::pose(pose)?)
+                Orientation::Given(Box::new(lens(camera)?), self::pose(pose)?)
             }
             (Some(_), ..) => {
                 let expected = "either a photo or a camera with a pose";
