@@ -17,6 +17,28 @@ use crate::{Error, Result};
 /// The longest line that is held, bytes; only keypoint lines, which are not, are longer.
 const MAX_LINE: usize = 1 << 16;
 
+/// What a byte may be in a line of keypoints.
+const ALIEN: u8 = 0;
+const BLANK: u8 = 1;
+const WORD: u8 = 2;
+
+/// Blanks; digits, signs, points, exponents, "nan" and "inf"; anything else is alien.
+const KEYPOINT_BYTES: [u8; 256] = {
+    let mut table = [ALIEN; 256];
+    let (blanks, words) = (*b" \t\r", *b"0123456789+-.eEnaif");
+    let mut i = 0;
+    while i < blanks.len() {
+        table[blanks[i] as usize] = BLANK;
+        i += 1;
+    }
+    i = 0;
+    while i < words.len() {
+        table[words[i] as usize] = WORD;
+        i += 1;
+    }
+    table
+};
+
 /// Reads both files.
 pub(super) fn read(cameras: &Path, images: &Path) -> Result<CameraSet> {
     let mut model = Model::new(cameras, images);
@@ -176,11 +198,10 @@ impl<'a> Lines<'a> {
             let part = &chunk[..end.unwrap_or(chunk.len())];
             let mut alien = None;
             for &byte in part {
-                let is_blank = byte.is_ascii_whitespace();
-                words += u64::from(!is_blank && !in_word);
-                in_word = !is_blank;
-                // Digits, signs, points, exponents, "nan" and "inf".
-                if !(is_blank || b"0123456789+-.eEnaif".contains(&byte)) {
+                let kind = KEYPOINT_BYTES[usize::from(byte)];
+                words += u64::from(kind == WORD && !in_word);
+                in_word = kind == WORD;
+                if kind == ALIEN {
                     alien = Some(byte);
                     break;
                 }
