@@ -15,3 +15,6 @@ mod tile;
 
 pub use build::SurfaceBuilder;
 pub use tile::{SurfaceFace, SurfaceTile};
+
+#[cfg(test)]
+mod tests;

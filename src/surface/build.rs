@@ -1,0 +1,173 @@
+//! Building a [`SurfaceTile`] from a stream of face blocks.
+//!
+//! 1. Each vertex of a block is projected once, by a function of the vertex alone.
+//! 2. Each triangle is scan-converted; at each centre its elevation is that of its plane, kept within its vertices'
+//!    range; a centre outside the slab is not a candidate.
+//! 3. The greatest elevation wins, ties go to the lowest id, ties of one id to the earlier triangle in the store.
+//! 4. At the end the triangles that still show somewhere are kept, and the surface points are lifted.
+
+use glam::DVec3;
+
+use super::{SurfaceFace, SurfaceTile};
+use crate::frame::LocalMosaic;
+use crate::geom::{FaceBlock, FaceId, PixelRect};
+use crate::raster::{Triangle, scan};
+
+/// Builds one tile after another, reusing its memory.
+#[derive(Debug, Default)]
+pub struct SurfaceBuilder {
+    tile: SurfaceTile,
+    projected: Vec<DVec3>,
+    kept: Vec<u32>,
+}
+
+impl SurfaceBuilder {
+    /// Starts the tile `rect`: no pixel has a surface.
+    pub fn start(&mut self, rect: PixelRect) {
+        let tile = &mut self.tile;
+        tile.rect = rect;
+        tile.elevations.clear();
+        tile.elevations.resize(rect.area(), f64::NAN);
+        tile.faces_at.clear();
+        tile.faces_at.resize(rect.area(), SurfaceTile::NO_FACE);
+        tile.points.clear();
+        tile.faces.clear();
+        tile.vertices.clear();
+    }
+
+    /// Adds the faces of one partition. Partitions must come in ascending order.
+    pub fn add(&mut self, mosaic: &LocalMosaic, block: &FaceBlock<'_>) {
+        self.projected.clear();
+        self.projected.extend(block.positions.iter().map(|&p| mosaic.project(p)));
+        // Where a vertex of the block went in the tile.
+        self.kept.clear();
+        self.kept.resize(block.positions.len(), u32::MAX);
+        for (k, corners) in block.triangles.iter().enumerate() {
+            let projected = corners.map(|i| self.projected[usize::from(i)]);
+            if let Some(triangle) = Triangle::new(projected.map(DVec3::truncate))
+                && let Some(face) = self.show(mosaic, &triangle, projected, block.ids[k])
+            {
+                self.keep(block, k, face, &triangle);
+            }
+        }
+    }
+
+    /// Enters one triangle where it wins; the index it bears in the tile, if it won anywhere.
+    fn show(
+        &mut self,
+        mosaic: &LocalMosaic,
+        triangle: &Triangle,
+        corners: [DVec3; 3],
+        id: FaceId,
+    ) -> Option<u32> {
+        let heights = corners.map(|c| c.z);
+        let (low, high) = (
+            heights[0].min(heights[1]).min(heights[2]),
+            heights[0].max(heights[1]).max(heights[2]),
+        );
+        let [slab_low, slab_high] = mosaic.slab();
+        if high < slab_low || low > slab_high {
+            return None;
+        }
+        let (second, third) = (heights[1] - heights[0], heights[2] - heights[0]);
+        let SurfaceTile { rect, elevations, faces_at, faces, .. } = &mut self.tile;
+        let face = u32::try_from(faces.len()).expect("fewer than 2³² triangles show in one tile");
+        let mut shown = false;
+        let (rect, stride) = (*rect, rect.x1 - rect.x0);
+        scan(triangle, &rect, |x, y, [u, v]| {
+            let elevation = (heights[0] + (u * second + v * third)).clamp(low, high);
+            if elevation < slab_low || elevation > slab_high {
+                return;
+            }
+            let at =
+                usize::try_from((y - rect.y0) * stride + x - rect.x0).expect("inside the tile");
+            let wins = match faces_at[at] {
+                SurfaceTile::NO_FACE => true,
+                other => {
+                    elevation > elevations[at]
+                        || (elevation == elevations[at] && id < faces[other as usize].id)
+                }
+            };
+            if wins {
+                elevations[at] = elevation;
+                faces_at[at] = face;
+                shown = true;
+            }
+        });
+        shown.then_some(face)
+    }
+
+    /// Records a triangle that won somewhere.
+    fn keep(&mut self, block: &FaceBlock<'_>, k: usize, face: u32, triangle: &Triangle) {
+        let vertices = &mut self.tile.vertices;
+        let corners = block.triangles[k].map(|i| {
+            let slot = &mut self.kept[usize::from(i)];
+            if *slot == u32::MAX {
+                *slot = u32::try_from(vertices.len())
+                    .expect("fewer than 2³² vertices show in one tile");
+                vertices.push(block.positions[usize::from(i)]);
+            }
+            *slot
+        });
+        let [a, b, c] = block.corners(k);
+        let normal = (b - a).cross(c - a);
+        // In mosaic pixels rows run along −v: a positive turn on the screen is a normal away from the viewer.
+        let normal = if triangle.flipped() { normal } else { -normal };
+        debug_assert_eq!(face as usize, self.tile.faces.len());
+        self.tile.faces.push(SurfaceFace { corners, id: block.ids[k], normal });
+    }
+
+    /// The tile as it was last finished.
+    pub fn tile(&self) -> &SurfaceTile {
+        &self.tile
+    }
+
+    /// Ends the tile: drops triangles that show nowhere any more and lifts the surface points.
+    pub fn finish(&mut self, mosaic: &LocalMosaic) -> &SurfaceTile {
+        self.drop_hidden_faces();
+        let tile = &mut self.tile;
+        let width = tile.rect.width();
+        tile.points.extend(tile.elevations.iter().enumerate().map(|(k, &elevation)| {
+            if elevation.is_nan() {
+                return DVec3::NAN;
+            }
+            let (x, y) = ((k % width) as f64 + 0.5, (k / width) as f64 + 0.5);
+            mosaic.lift(tile.rect.x0 as f64 + x, tile.rect.y0 as f64 + y, elevation)
+        }));
+        &self.tile
+    }
+
+    fn drop_hidden_faces(&mut self) {
+        let tile = &mut self.tile;
+        // New index of each face, then of each vertex; u32::MAX while it shows nowhere.
+        self.kept.clear();
+        self.kept.resize(tile.faces.len(), u32::MAX);
+        for &face in tile.faces_at.iter().filter(|&&f| f != SurfaceTile::NO_FACE) {
+            self.kept[face as usize] = 0;
+        }
+        renumber(&mut self.kept, &mut tile.faces);
+        for face in tile.faces_at.iter_mut().filter(|f| **f != SurfaceTile::NO_FACE) {
+            *face = self.kept[*face as usize];
+        }
+        self.kept.clear();
+        self.kept.resize(tile.vertices.len(), u32::MAX);
+        for vertex in tile.faces.iter().flat_map(|f| f.corners) {
+            self.kept[vertex as usize] = 0;
+        }
+        renumber(&mut self.kept, &mut tile.vertices);
+        for vertex in tile.faces.iter_mut().flat_map(|f| &mut f.corners) {
+            *vertex = self.kept[*vertex as usize];
+        }
+    }
+}
+
+/// Keeps the items whose mark is not `u32::MAX`, in order, and turns the marks into their new indices.
+fn renumber<T: Copy>(marks: &mut [u32], items: &mut Vec<T>) {
+    let mut next = 0_u32;
+    for (k, mark) in marks.iter_mut().enumerate().filter(|(_, m)| **m != u32::MAX) {
+        items[next as usize] = items[k];
+        *mark = next;
+        next += 1;
+    }
+    items.truncate(next as usize);
+}
