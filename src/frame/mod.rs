@@ -11,6 +11,7 @@
 //! an EPSG code exists.
 
 mod check;
+mod cover;
 mod mosaic;
 mod plane;
 mod spec;

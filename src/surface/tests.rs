@@ -60,7 +60,8 @@ fn equal_elevations_go_to_the_lowest_id_whatever_the_order() {
 #[test]
 fn a_slab_cuts_a_face_at_the_point_not_as_a_whole() {
     // Elevation equals x.
-    let slope = [DVec3::new(-1.0, -9.0, -1.0), DVec3::new(20.0, -9.0, 20.0), DVec3::new(-1.0, 40.0, -1.0)];
+    let slope =
+        [DVec3::new(-1.0, -9.0, -1.0), DVec3::new(20.0, -9.0, 20.0), DVec3::new(-1.0, 40.0, -1.0)];
     let tile = render(&mosaic([2.0, 5.0]), PixelRect::new(0, 0, 8, 8), &[(slope, 0)]);
     for (k, elevation) in tile.elevations.iter().enumerate() {
         let x = (k % 8) as f64 + 0.5;

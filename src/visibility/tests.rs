@@ -35,8 +35,11 @@ struct Mesh {
 impl Mesh {
     /// Triangles without shared vertices.
     fn soup(corners: &[[f64; 9]]) -> Self {
-        let positions: Vec<_> = corners.iter().flat_map(|c| c.chunks(3).map(DVec3::from_slice)).collect();
-        let triangles = (0..u16::try_from(corners.len()).unwrap()).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        let positions: Vec<_> =
+            corners.iter().flat_map(|c| c.chunks(3).map(DVec3::from_slice)).collect();
+        let triangles = (0..u16::try_from(corners.len()).unwrap())
+            .map(|k| [3 * k, 3 * k + 1, 3 * k + 2])
+            .collect();
         let ids = (0..u32::try_from(corners.len()).unwrap()).map(FaceId).collect();
         Self { positions, triangles, ids }
     }
@@ -44,13 +47,12 @@ impl Mesh {
     /// The same mesh in blocks of `n` faces.
     fn blocks(&self, n: usize) -> Vec<FaceBlock<'_>> {
         let chunks = self.triangles.chunks(n).zip(self.ids.chunks(n));
-        let block = |(triangles, ids): (&'_ [[u16; 3]], _)| FaceBlock {
-            positions: &self.positions,
-            triangles,
-            ids,
-            bounds: Bounds3::of(triangles.iter().flatten().map(|&i| self.positions[usize::from(i)])),
-        };
-        chunks.map(|(t, i)| block((t, i))).map(|b| FaceBlock { ids: b.ids, ..b }).collect()
+        chunks.map(|(triangles, ids)| self.block(triangles, ids)).collect()
+    }
+
+    fn block<'a>(&'a self, triangles: &'a [[u16; 3]], ids: &'a [FaceId]) -> FaceBlock<'a> {
+        let corners = triangles.iter().flatten().map(|&i| self.positions[usize::from(i)]);
+        FaceBlock { positions: &self.positions, triangles, ids, bounds: Bounds3::of(corners) }
     }
 
     fn surface(&self, mosaic: &LocalMosaic, rect: PixelRect) -> SurfaceTile {
