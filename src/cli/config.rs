@@ -80,7 +80,7 @@ impl Config {
     /// [`Error::Usage`] naming flag and key if something needed is missing or makes no sense;
     /// [`Error::Unsupported`] for masks and for frames that cannot be drawn yet; what reading the files gives.
     pub fn build(args: OrthoArgs) -> Result<Self> {
-        let (args, table) = project::merged(args)?;
+        let (args, frame) = project::merged(args)?;
         if let Some(masks) = &args.masks {
             return Err(Error::unsupported(masks, "--masks"));
         }
@@ -91,7 +91,7 @@ impl Config {
         Ok(Self {
             cameras: needed(args.cameras.clone(), "cameras")?,
             photos: needed(args.photos.clone(), "photos")?,
-            plane: frame_choice::plane(&args, table)?,
+            plane: frame_choice::plane(&args, frame)?,
             meshes: args.mesh,
             choice: PhotoChoice { include: args.include, exclude: args.exclude },
             force: args.force,

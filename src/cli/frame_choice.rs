@@ -4,19 +4,20 @@ use std::path::Path;
 
 use super::args::OrthoArgs;
 use super::settings::View;
-use crate::frame::{FrameSpec, FrameTable, Plane};
+use crate::frame::{FrameSpec, Plane};
+use crate::input::read_frame;
 use crate::{Error, Result};
 
-/// The frame that `args`, merged with the project file, ask for; `table` is the project's `[frame]`.
+/// The frame that `args`, merged with the project file, ask for; `frame` is the project's `[frame]`.
 ///
 /// # Errors
 /// [`Error::Usage`] if there is no frame or flags contradict it, [`Error::Unsupported`] for frames that cannot be
 /// drawn yet, and what reading a frame file gives.
-pub(super) fn plane(args: &OrthoArgs, table: Option<FrameTable>) -> Result<Plane> {
+pub(super) fn plane(args: &OrthoArgs, frame: Option<FrameSpec>) -> Result<Plane> {
     if args.up.is_some() && args.view != Some(View::Fit) {
         return Err(Error::usage("--up goes with --view fit only (in a project file: `up`)"));
     }
-    let plane = match (&args.frame, args.view, table) {
+    let plane = match (&args.frame, args.view, frame) {
         (Some(file), ..) => read_frame(file)?.into_plane(file)?,
         (None, Some(View::Top), _) => Plane::top(),
         (None, Some(View::Fit), _) => {
@@ -26,7 +27,9 @@ pub(super) fn plane(args: &OrthoArgs, table: Option<FrameTable>) -> Result<Plane
                 hint: Some("give a frame file, or --view top".into()),
             });
         }
-        (None, None, Some(table)) => of_project(args, table)?,
+        (None, None, Some(frame)) => {
+            frame.into_plane(args.project.as_deref().unwrap_or(Path::new("[frame]")))?
+        }
         (None, None, None) => {
             return Err(Error::usage(
                 "a frame is missing: give --frame FILE.toml or --view top (in a project file: `[frame]` or `view`)",
@@ -34,23 +37,6 @@ pub(super) fn plane(args: &OrthoArgs, table: Option<FrameTable>) -> Result<Plane
         }
     };
     overridden(plane, args)
-}
-
-/// The frame of a frame file.
-fn read_frame(path: &Path) -> Result<FrameSpec> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    let table: FrameTable = toml::from_str(&text)
-        .map_err(|e| Error::corrupt(path, "frame", "a frame file", e.message().to_string()))?;
-    table.check().map_err(|e| Error::corrupt(path, format!("key `{}`", e.key), e.expected, e.found))
-}
-
-/// The project's `[frame]`, with the place in the file for what is wrong in it.
-fn of_project(args: &OrthoArgs, table: FrameTable) -> Result<Plane> {
-    let path = args.project.as_deref().unwrap_or(Path::new("project"));
-    let spec: FrameSpec = table.check().map_err(|error| {
-        Error::corrupt(path, format!("key `frame.{}`", error.key), error.expected, error.found)
-    })?;
-    spec.into_plane(path)
 }
 
 /// `plane` with what the flags say about it.
@@ -70,13 +56,17 @@ fn overridden(plane: Plane, args: &OrthoArgs) -> Result<Plane> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::FrameTable;
 
-    fn table() -> FrameTable {
-        toml::from_str(
+    fn spec(text: &str) -> FrameSpec {
+        toml::from_str::<FrameTable>(text).unwrap().check().unwrap()
+    }
+
+    fn facade() -> FrameSpec {
+        spec(
             "kind = \"plane\"\norigin = [0, 0, 5]\nu_axis = [1, 0, 0]\nv_axis = [0, 0, 1]\n\
              pixel_size = 0.5\nelevation = [-inf, 2]",
         )
-        .unwrap()
     }
 
     #[test]
@@ -86,7 +76,7 @@ mod tests {
             extent: Some([0.0, 0.0, 1.0, 1.0]),
             ..Default::default()
         };
-        let plane = plane(&args, Some(table())).unwrap();
+        let plane = plane(&args, Some(facade())).unwrap();
         assert_eq!((plane.pixel_size, plane.extent), (Some(0.1), Some([0.0, 0.0, 1.0, 1.0])));
         assert_eq!(plane.elevation, Some([f64::NEG_INFINITY, 2.0]));
     }
@@ -98,14 +88,14 @@ mod tests {
             crs: Some("EPSG:32634".into()),
             ..Default::default()
         };
-        let found = plane(&args, Some(table())).unwrap();
+        let found = plane(&args, Some(facade())).unwrap();
         assert_eq!((found.origin.z, found.epsg()), (0.0, Some(32634)));
     }
 
     #[test]
     fn a_reference_system_on_a_facade_is_a_usage_error() {
         let args = OrthoArgs { crs: Some("EPSG:32634".into()), ..Default::default() };
-        let error = plane(&args, Some(table())).unwrap_err();
+        let error = plane(&args, Some(facade())).unwrap_err();
         assert!(error.to_string().starts_with("--crs: v_axis: expected"), "{error}");
     }
 
@@ -119,21 +109,13 @@ mod tests {
         let up =
             OrthoArgs { up: Some([0.0, 0.0, 1.0]), view: Some(View::Top), ..Default::default() };
         assert!(matches!(plane(&up, None), Err(Error::Usage(_))));
-        let cylinder: FrameTable = toml::from_str(
-            "kind = \"cylinder\"\norigin = [0, 0, 0]\naxis = [0, 0, 1]\nzero = [1, 0, 0]\nradius = 5.0\nfacing = \"outside\"",
-        )
-        .unwrap();
+        let cylinder = spec(
+            "kind = \"cylinder\"\norigin = [0, 0, 0]\naxis = [0, 0, 1]\nzero = [1, 0, 0]\nradius = 5.0\n\
+             facing = \"outside\"",
+        );
         assert!(matches!(
             plane(&OrthoArgs::default(), Some(cylinder)),
             Err(Error::Unsupported { .. })
         ));
-    }
-
-    #[test]
-    fn a_fault_in_the_projects_frame_is_placed() {
-        let args = OrthoArgs { project: Some("p.toml".into()), ..Default::default() };
-        let broken = FrameTable { u_axis: Some([1.0, 1.0, 0.0]), ..table() };
-        let error = plane(&args, Some(broken)).unwrap_err();
-        assert!(error.to_string().starts_with("p.toml: key `frame.u_axis`: expected"), "{error}");
     }
 }

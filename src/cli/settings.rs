@@ -2,8 +2,6 @@
 
 use clap::ValueEnum;
 
-use crate::{Error, Result};
-
 /// A frame without a frame file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum View {
@@ -55,17 +53,14 @@ pub enum BlendRule {
     Best,
 }
 
-/// The value that `text` names, for the project file's key `key`.
-///
-/// # Errors
-/// [`Error::Usage`] with the values that are allowed.
-pub(super) fn parse<T: ValueEnum>(key: &str, text: &str) -> Result<T> {
-    T::from_str(text, false).map_err(|_unnamed: String| {
-        let names: Vec<_> =
-            T::value_variants().iter().filter_map(ValueEnum::to_possible_value).collect();
-        let names: Vec<_> = names.iter().map(clap::builder::PossibleValue::get_name).collect();
-        Error::usage(format!("`{key}`: expected one of {}, found {text:?}", names.join(", ")))
-    })
+/// The value that `text` names; else an error with those allowed.
+pub(super) fn word<T: ValueEnum>(text: &str) -> std::result::Result<T, String> {
+    let names = || -> Vec<String> {
+        let words = T::value_variants().iter().filter_map(ValueEnum::to_possible_value);
+        words.map(|word| word.get_name().to_string()).collect()
+    };
+    T::from_str(text, false)
+        .map_err(|_unnamed| format!("expected one of {}, found {text:?}", names().join(", ")))
 }
 
 #[cfg(test)]
@@ -74,14 +69,8 @@ mod tests {
 
     #[test]
     fn an_unknown_word_is_answered_with_those_allowed() {
-        assert_eq!(
-            parse::<Interpolation>("interpolation", "nearest").unwrap(),
-            Interpolation::Nearest
-        );
-        let error = parse::<Interpolation>("interpolation", "cubic").unwrap_err().to_string();
-        assert_eq!(
-            error,
-            "`interpolation`: expected one of nearest, bilinear, bicubic, found \"cubic\""
-        );
+        assert_eq!(word::<Interpolation>("nearest"), Ok(Interpolation::Nearest));
+        let error = word::<Interpolation>("cubic").unwrap_err();
+        assert_eq!(error, "expected one of nearest, bilinear, bicubic, found \"cubic\"");
     }
 }

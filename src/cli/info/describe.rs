@@ -1,10 +1,10 @@
-//! Which kind of file it is.
+//! Which kind of file or folder it is.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::tiff;
+use super::{cameras, settings, tiff};
 use crate::{Error, Result};
 
 /// First bytes of a file that are enough to know it by.
@@ -15,9 +15,21 @@ const HEAD_BYTES: u64 = 16;
 /// # Errors
 /// [`Error::Unsupported`] for what groundel does not know, and what reading the file gives.
 pub(in crate::cli) fn describe(path: &Path) -> Result<String> {
+    if path.is_dir() {
+        return cameras::describe(path);
+    }
     match &head(path)?[..] {
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::describe(path),
-        _ => Err(Error::unsupported(path, "this kind of file")),
+        _ if path.extension().is_some_and(|extension| extension == "toml") => {
+            settings::describe(path)
+        }
+        _ => Err(Error::Unsupported {
+            path: path.to_path_buf(),
+            what: "this kind of file".into(),
+            hint: Some(
+                "known are COLMAP folders, TIFF, and frame and project files (.toml)".into(),
+            ),
+        }),
     }
 }
 

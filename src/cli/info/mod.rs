@@ -1,6 +1,8 @@
 //! `groundel info`: what is in a file or folder, told from its first bytes, not from its name.
 
+mod cameras;
 mod describe;
+mod settings;
 mod tiff;
 
 pub(super) use describe::describe;
