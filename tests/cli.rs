@@ -58,7 +58,7 @@ fn refused(flags: &[&str]) -> String {
     assert!(output.stdout.is_empty(), "{flags:?}: an error is no answer");
     let message = stderr(&output);
     assert!(message.starts_with("groundel: error: "), "{flags:?}: {message}");
-    assert_eq!(message.matches("error").count(), 1, "{flags:?}: reported once: {message}");
+    assert_eq!(message.matches("error:").count(), 1, "{flags:?}: reported once: {message}");
     message
 }
 
