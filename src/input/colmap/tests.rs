@@ -247,3 +247,51 @@ fn a_path_that_is_no_model_is_refused() {
     assert!(matches!(read_cameras(&file), Err(Error::Unsupported { .. })));
     assert!(matches!(read_cameras(folder.path().join("none")), Err(Error::Io { .. })));
 }
+
+#[test]
+fn a_damaged_model_is_read_or_refused_but_never_crashes() {
+    let cameras = cameras_bin(&[PINHOLE[0], (8, 6, &[5.0; 12])]);
+    let images = images_bin(&[(b"x/b 1.jpg", 7, 2), (b"a.jpg", 8, 0)]);
+    let forms: [(&str, &[u8], &[u8]); 2] =
+        [("bin", &cameras, &images), ("txt", CAMERAS.as_bytes(), IMAGES.as_bytes())];
+    let folder = tempfile::tempdir().unwrap();
+    // Xorshift (Marsaglia 2003), seeded: the same damage every time.
+    let mut state = 0x9E37_79B9_7F4A_7C15_u64;
+    let mut random = |below: usize| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        usize::try_from(state % below as u64).unwrap()
+    };
+    let (mut read, mut refused) = (0, 0);
+    for (extension, cameras, images) in forms {
+        // The form under test must be the one that is found.
+        let folder = folder.path().join(extension);
+        fs::create_dir(&folder).unwrap();
+        for _ in 0..400 {
+            let mut damaged = [cameras.to_vec(), images.to_vec()];
+            for _ in 0..=random(3) {
+                let bytes = &mut damaged[random(2)];
+                let at = random(bytes.len());
+                match random(3) {
+                    0 => bytes[at] = b" \n\0-9.#\xff"[random(8)],
+                    1 => bytes[at] ^= 1 << random(8),
+                    _ => drop(bytes.remove(at)),
+                }
+            }
+            write(&folder, extension, &damaged[0], &damaged[1]);
+            match read_cameras(&folder) {
+                Ok(set) => {
+                    read += 1;
+                    assert_eq!(set.names.len(), set.photos.len() + set.left_out.len());
+                    assert!(set.names.is_sorted());
+                }
+                Err(e) => {
+                    refused += 1;
+                    assert_eq!(e.exit_code(), 2, "{e}");
+                }
+            }
+        }
+    }
+    assert!(read > 50 && refused > 50, "{read} read, {refused} refused");
+}
