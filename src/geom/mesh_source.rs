@@ -137,7 +137,9 @@ mod tests {
         let mut chunk = TriangleChunk::default();
         for (face, polygon) in [(4, vec![9, 8, 7, 6]), (5, vec![1, 2]), (6, vec![])] {
             let mut fan = PolygonFan::new(face);
-            polygon.into_iter().for_each(|v| fan.push(v, &mut chunk));
+            for vertex in polygon {
+                fan.push(vertex, &mut chunk);
+            }
             fan.finish(&mut chunk);
         }
         assert_eq!(chunk.triangles, [[9, 8, 7], [9, 7, 6]]);

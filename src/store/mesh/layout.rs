@@ -29,8 +29,9 @@
 //! | 184 | 8 | `table_offset`: u64, where the partition table starts |
 //! | 192 | 4 | `table_crc`: u32, CRC-32 of the partition table |
 //! | 196 | 4 | `tree_crc`: u32, CRC-32 of the tree |
-//! | 200 | 52 | `reserved`: zero |
 //! | 252 | 4 | `header_crc`: u32, CRC-32 of the 252 bytes before |
+//!
+//! What no field takes is zero.
 //!
 //! Partition table, 72 bytes a partition: payload offset u64, payload length u32, CRC-32 of the payload u32,
 //! vertices u32, triangles u32, least lattice coordinates 3 × i64, extent in steps 3 × u64.
@@ -59,6 +60,8 @@ pub(super) const MAGIC: [u8; 8] = *b"GROUNDMS";
 pub(super) const VERSION: u32 = 1;
 /// Length of the header.
 pub(super) const HEADER_BYTES: usize = 256;
+/// The same, as it stands in the header.
+const HEADER_LENGTH: u32 = 256;
 /// Length of an entry of the partition table.
 pub(super) const ENTRY_BYTES: usize = 72;
 /// Length of a node of the tree.
@@ -100,7 +103,6 @@ mod field {
         TABLE_OFFSET: 184..192,
         TABLE_CRC: 192..196,
         TREE_CRC: 196..200,
-        RESERVED: 200..252,
         HEADER_CRC: 252..256,
     }
 }
@@ -152,7 +154,7 @@ impl Header {
         let mut put = |at: std::ops::Range<usize>, value: &[u8]| bytes[at].copy_from_slice(value);
         put(field::MAGIC, &MAGIC);
         put(field::VERSION, &VERSION.to_le_bytes());
-        put(field::HEADER_BYTES, &(HEADER_BYTES as u32).to_le_bytes());
+        put(field::HEADER_BYTES, &HEADER_LENGTH.to_le_bytes());
         put(field::FILE_BYTES, &self.file_bytes.to_le_bytes());
         put(field::KEY, &self.key.0);
         put(field::ORIGIN, &self.lattice.origin.to_array().map(f64::to_le_bytes).concat());
@@ -209,7 +211,7 @@ impl RawHeader {
             );
         }
         let version = u32_at(field::VERSION);
-        if version != VERSION || u32_at(field::HEADER_BYTES) != HEADER_BYTES as u32 {
+        if version != VERSION || u32_at(field::HEADER_BYTES) != HEADER_LENGTH {
             return Err(Error::unsupported(path, format!("mesh store version {version}")));
         }
         if u64_at(field::FILE_BYTES) != file_bytes {
@@ -268,7 +270,7 @@ impl Header {
             && self.lattice.step.is_normal()
             && step_bits & !f64::INFINITY.to_bits() == 0
             && self.counts.faces_kept <= self.counts.faces
-            && self.counts.faces <= u64::from(u32::MAX)
+            && u32::try_from(self.counts.faces).is_ok()
             && (self.partitions == 0 || self.bounds.is_plausible())
     }
 }
@@ -463,7 +465,7 @@ mod tests {
         let constants: Vec<(String, usize, usize)> =
             field::ALL.iter().map(|(name, at)| ((*name).to_owned(), at.start, at.len())).collect();
         assert_eq!(rows, constants);
-        assert!(field::ALL.windows(2).all(|w| w[0].1.end == w[1].1.start));
+        assert!(field::ALL.windows(2).all(|w| w[0].1.end <= w[1].1.start));
         assert_eq!(field::ALL.last().unwrap().1.end, HEADER_BYTES);
         let document = include_str!("layout.rs");
         assert!(document.contains(&format!("Header, {HEADER_BYTES} bytes")));

@@ -5,13 +5,29 @@
 //! power-of-two lattice; the file's bytes are a function of the meshes alone, not of budget or threads. Memory:
 //! the budget while building; while reading, what is loaded and not released. Does not know any mesh format.
 
+mod buckets;
+mod build;
+mod curve;
+mod cut;
 mod key;
 mod lattice;
 mod layout;
+mod order;
 mod partition;
+mod place;
+mod plan;
+mod progress;
 mod read;
+mod scatter;
+#[cfg(test)]
+mod tests;
+mod vertices;
+mod write;
 
+pub use build::MeshBuild;
 pub use key::MeshKey;
 pub use layout::MeshCounts;
 pub use partition::PartitionBuffer;
+pub use plan::MeshDiskForecast;
+pub use progress::{BuildStage, OnProgress};
 pub use read::{MeshStore, PartitionId};

@@ -71,15 +71,15 @@ impl PartitionEncoder {
             offset: 0,
             bytes: 0,
             crc: 0,
-            vertices: self.vertices.len() as u32,
-            triangles: triangles.len() as u32,
+            vertices: u32::from(index16(self.vertices.len())),
+            triangles: u32::from(index16(triangles.len())),
             min: bounds.min,
             extent: std::array::from_fn(|a| bounds.max[a].abs_diff(bounds.min[a])),
         };
         let mut payload = Vec::with_capacity(entry.offset_bytes() + 9 * triangles.len());
         for p in &self.vertices {
-            for a in 0..3 {
-                let offset = p[a].abs_diff(bounds.min[a]).to_le_bytes();
+            for (k, least) in p.iter().zip(&bounds.min) {
+                let offset = k.abs_diff(*least).to_le_bytes();
                 payload.extend_from_slice(if entry.is_wide() { &offset } else { &offset[..4] });
             }
         }
@@ -105,7 +105,7 @@ impl PartitionEncoder {
         loop {
             match self.slots[slot] {
                 u16::MAX => {
-                    let new = self.vertices.len() as u16;
+                    let new = index16(self.vertices.len());
                     self.slots[slot] = new;
                     self.vertices.push(p);
                     return new;
@@ -120,10 +120,20 @@ impl PartitionEncoder {
 /// Appends a variable-length integer: seven bits a byte, low bits first.
 fn push_varint(mut value: u32, out: &mut Vec<u8>) {
     while value >= 0x80 {
-        out.push(value as u8 | 0x80);
+        out.push(low_byte(value) | 0x80);
         value >>= 7;
     }
-    out.push(value as u8);
+    out.push(low_byte(value));
+}
+
+/// The low eight bits.
+fn low_byte(value: u32) -> u8 {
+    value.to_le_bytes()[0]
+}
+
+/// A number of vertices or triangles of a partition, or an index below it.
+fn index16(n: usize) -> u16 {
+    u16::try_from(n).expect("a partition has at most 3 × 1024 vertices")
 }
 
 /// Takes a variable-length integer off the front of `bytes`; `None` if it is cut or too large.
@@ -334,7 +344,7 @@ mod tests {
             id: u32::MAX - 1,
             corners: [[3 * k, 0, 0], [3 * k + 1, 1, 0], [3 * k + 2, 0, 1]],
         };
-        assert_round_trip((0..PARTITION_TRIANGLES as i64).map(triangle).collect());
+        assert_round_trip((0..1024).map(triangle).collect());
     }
 
     #[test]

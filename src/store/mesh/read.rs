@@ -188,7 +188,8 @@ impl MeshStore {
             return;
         }
         if level == 0 {
-            out.push(PartitionId(place as u32));
+            let id = u32::try_from(place).expect("the header's check allows no more partitions");
+            out.push(PartitionId(id));
             return;
         }
         let below = match level {

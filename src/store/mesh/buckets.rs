@@ -1,0 +1,248 @@
+//! Buckets: triangles thrown together by ranges of their keys, in memory and, compressed, on disk.
+//!
+//! In: triangles in any order. Out: bucket after bucket, ascending, each with its triangles in the order in which
+//! they came. Memory: the limit given, beyond which the fullest buckets are compressed into files; if all fits,
+//! no file is written. A bucket's file is deleted when the bucket has been read.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::layout::{u32_le, u64_le};
+use super::partition::Triangle;
+use super::vertices::{PACKED_BYTES, pack, unpack};
+use crate::{Error, Result};
+
+/// Bytes of a triangle in a bucket: key, face id, three packed corners, and one for the reading of the last.
+pub(super) const RECORD_BYTES: usize = 12 + 3 * PACKED_BYTES + 1;
+/// Triangles of a block, which is compressed as one: 232 KiB, beyond which Zstandard gains little.
+const BLOCK_RECORDS: usize = 4096;
+/// Blocks decompressed at a time.
+const BLOCKS_AT_ONCE: usize = 8;
+/// Zstandard's level: the fastest of the ordinary ones.
+const LEVEL: i32 = 1;
+
+/// A triangle as a record.
+#[inline]
+pub(super) fn encode(triangle: &Triangle) -> [u8; RECORD_BYTES] {
+    let mut bytes = [0; RECORD_BYTES];
+    bytes[..8].copy_from_slice(&triangle.key.to_le_bytes());
+    bytes[8..12].copy_from_slice(&triangle.id.to_le_bytes());
+    for (k, &corner) in triangle.corners.iter().enumerate() {
+        bytes[12 + k * PACKED_BYTES..][..PACKED_BYTES].copy_from_slice(&pack(Some(corner)));
+    }
+    bytes
+}
+
+/// The key of a record.
+#[inline]
+pub(super) fn key_of(record: &[u8]) -> u64 {
+    u64_le(record)
+}
+
+/// The face id of a record.
+#[inline]
+pub(super) fn id_of(record: &[u8]) -> u32 {
+    u32_le(&record[8..])
+}
+
+/// The triangle in a record.
+#[inline]
+pub(super) fn decode(record: &[u8]) -> Triangle {
+    let corner = |k: usize| unpack(record, 12 + k * PACKED_BYTES).expect("was packed from a point");
+    Triangle { key: key_of(record), id: id_of(record), corners: [corner(0), corner(1), corner(2)] }
+}
+
+/// Triangles whose keys lie in one range.
+#[derive(Debug)]
+pub(super) struct Bucket {
+    /// The keys that belong here; the last of all keys belongs to the last bucket.
+    pub(super) keys: Range<u64>,
+    path: PathBuf,
+    /// Lengths of the compressed blocks in the file, and triangles in each.
+    blocks: Vec<(usize, usize)>,
+    held: Vec<u8>,
+    records: usize,
+}
+
+impl Bucket {
+    /// Number of triangles.
+    pub(super) fn records(&self) -> usize {
+        self.records
+    }
+
+    /// Compresses what is held, block by block.
+    fn compress(&mut self) -> Result<Vec<(Vec<u8>, usize)>> {
+        // Taken, not cleared: a bucket that was once full would keep its memory.
+        let held = std::mem::take(&mut self.held);
+        let path = &self.path;
+        held.par_chunks(BLOCK_RECORDS * RECORD_BYTES)
+            .map(|block| {
+                let packed = zstd::bulk::compress(block, LEVEL).map_err(|e| Error::io(path, e))?;
+                Ok((packed, block.len() / RECORD_BYTES))
+            })
+            .collect()
+    }
+
+    /// Appends what is held to the file.
+    fn spill(&mut self) -> Result<()> {
+        let packed = self.compress()?;
+        let io = |e| Error::io(&self.path, e);
+        let mut file = File::options().create(true).append(true).open(&self.path).map_err(io)?;
+        for (bytes, records) in packed {
+            file.write_all(&bytes).map_err(io)?;
+            self.blocks.push((bytes.len(), records));
+        }
+        Ok(())
+    }
+
+    /// Gives the records to `take`, in the order in which they came, some blocks at a time.
+    pub(super) fn for_each(&self, mut take: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+        if !self.blocks.is_empty() {
+            let io = |e| Error::io(&self.path, e);
+            let mut file = File::open(&self.path).map_err(io)?;
+            for blocks in self.blocks.chunks(BLOCKS_AT_ONCE) {
+                let mut packed = Vec::with_capacity(blocks.len());
+                for &(bytes, records) in blocks {
+                    let mut block = vec![0; bytes];
+                    file.read_exact(&mut block).map_err(io)?;
+                    packed.push((block, records * RECORD_BYTES));
+                }
+                let unpacked: Vec<_> = packed
+                    .into_par_iter()
+                    .map(|(block, bytes)| zstd::bulk::decompress(&block, bytes).map_err(io))
+                    .collect();
+                for block in unpacked {
+                    take(&block?)?;
+                }
+            }
+        }
+        take(&self.held)
+    }
+
+    /// All records, in the order in which they came; the bucket and its file are gone after that.
+    pub(super) fn into_records(mut self) -> Result<Vec<u8>> {
+        if self.blocks.is_empty() {
+            return Ok(std::mem::take(&mut self.held));
+        }
+        let mut all = Vec::with_capacity(self.records * RECORD_BYTES);
+        self.for_each(|records| {
+            all.extend_from_slice(records);
+            Ok(())
+        })?;
+        Ok(all)
+    }
+}
+
+impl Drop for Bucket {
+    fn drop(&mut self) {
+        if !self.blocks.is_empty() {
+            // What cannot be deleted now goes with the folder.
+            drop(std::fs::remove_file(&self.path));
+        }
+    }
+}
+
+/// Buckets for all keys of a range.
+#[derive(Debug)]
+pub(super) struct Buckets {
+    all: Vec<Bucket>,
+    held_bytes: usize,
+    limit_bytes: usize,
+}
+
+impl Buckets {
+    /// Buckets for consecutive ranges of keys, with files in `folder` whose names begin with `name`.
+    pub(super) fn new(
+        folder: &Path,
+        name: &str,
+        ranges: Vec<Range<u64>>,
+        limit_bytes: usize,
+    ) -> Self {
+        let bucket = |(k, keys)| Bucket {
+            keys,
+            path: folder.join(format!("{name}-{k}")),
+            blocks: Vec::new(),
+            held: Vec::new(),
+            records: 0,
+        };
+        let all = ranges.into_iter().enumerate().map(bucket).collect();
+        Self { all, held_bytes: 0, limit_bytes }
+    }
+
+    /// The bucket of a key within the range.
+    #[inline]
+    pub(super) fn bucket_of(&self, key: u64) -> usize {
+        self.all.partition_point(|bucket| bucket.keys.start <= key) - 1
+    }
+
+    /// Throws a record into the bucket of its key.
+    #[inline]
+    pub(super) fn push(&mut self, bucket: usize, record: &[u8]) {
+        let bucket = &mut self.all[bucket];
+        bucket.held.extend_from_slice(record);
+        bucket.records += 1;
+        self.held_bytes += RECORD_BYTES;
+    }
+
+    /// Writes the fullest buckets to their files if the limit is passed.
+    pub(super) fn spill_beyond_limit(&mut self) -> Result<()> {
+        while self.held_bytes > self.limit_bytes {
+            let fullest = self.all.iter().map(|b| b.held.len()).max().unwrap_or(0);
+            for bucket in &mut self.all {
+                if 2 * bucket.held.len() >= fullest {
+                    self.held_bytes -= bucket.held.len();
+                    bucket.spill()?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The buckets, ascending.
+    pub(super) fn into_buckets(self) -> impl Iterator<Item = Bucket> {
+        self.all.into_iter()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle(n: u32) -> Triangle {
+        let k = i64::from(n);
+        let key = u64::from(n.wrapping_mul(0x9e37_79b9)) << 24;
+        Triangle { key, id: n, corners: [[k, -k, 0], [k + 1, 5, -9], [0, k * k, 7]] }
+    }
+
+    #[test]
+    fn records_come_back_bucket_by_bucket_in_their_order_and_files_are_deleted() {
+        for limit_bytes in [0, 100_000, usize::MAX] {
+            let dir = tempfile::tempdir().unwrap();
+            let ranges = vec![0..1 << 50, 1 << 50..1 << 55, 1 << 55..u64::MAX];
+            let mut buckets = Buckets::new(dir.path(), "b", ranges.clone(), limit_bytes);
+            for n in 0..20_000 {
+                let t = triangle(n);
+                buckets.push(buckets.bucket_of(t.key), &encode(&t));
+                if n % 1000 == 0 {
+                    buckets.spill_beyond_limit().unwrap();
+                    assert!(buckets.held_bytes <= limit_bytes);
+                }
+            }
+            let files = || std::fs::read_dir(dir.path()).unwrap().count();
+            assert_eq!(files() > 0, limit_bytes < usize::MAX);
+            for (bucket, keys) in buckets.into_buckets().zip(ranges) {
+                let count = bucket.records();
+                let records = bucket.into_records().unwrap();
+                let found: Vec<Triangle> = records.chunks_exact(RECORD_BYTES).map(decode).collect();
+                let expected: Vec<Triangle> =
+                    (0..20_000).map(triangle).filter(|t| keys.contains(&t.key)).collect();
+                assert_eq!((found.len(), &found), (count, &expected));
+            }
+            assert_eq!(files(), 0);
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! How a budget of memory is shared out while a store is built.
+//!
+//! In: the budget, and how many vertices and faces there are. Out: sizes of chunks, caches and buckets; how much
+//! memory and disk that takes. None of it changes a byte of the store.
+
+use std::ops::Range;
+
+use super::buckets::RECORD_BYTES;
+use super::curve::{CLASSES, COARSE_CELLS, CURVE_BITS, Curve};
+use super::order::{BYTES_PER_TRIANGLE, balanced};
+use super::vertices::PACKED_BYTES;
+
+/// Sizes of the working memory.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Plan {
+    /// Vertices or triangles read at a time.
+    pub(super) chunk: usize,
+    /// Whether all vertices are held in memory.
+    pub(super) holds_vertices: bool,
+    /// Vertices of a block of those that are not.
+    pub(super) block_vertices: u32,
+    /// Bytes of such blocks held.
+    pub(super) cache_bytes: usize,
+    /// Bytes that buckets may hold before they are written to files.
+    pub(super) spill_bytes: usize,
+    /// Triangles of the largest bucket that is sorted in memory.
+    pub(super) capacity: usize,
+    /// Whether one bucket serves.
+    is_one_bucket: bool,
+    faces: u64,
+    vertices: u64,
+}
+
+/// Temporary and lasting disk that a store takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MeshDiskForecast {
+    /// Bytes of temporary files at most, the unfinished store not counted.
+    pub temporary_bytes: u64,
+    /// Bytes of the finished store, about.
+    pub store_bytes: u64,
+}
+
+impl Plan {
+    /// Shares out `budget_bytes` for meshes of so many vertices and faces in all.
+    pub(super) fn new(budget_bytes: usize, vertices: u64, faces: u64) -> Self {
+        let share = |percent: usize| budget_bytes / 100 * percent;
+        let capacity = (share(75) / BYTES_PER_TRIANGLE).max(2048);
+        let is_one_bucket = faces <= capacity as u64 / 10 * 9;
+        Self {
+            chunk: (budget_bytes / 1024).clamp(256, 1 << 16),
+            holds_vertices: vertices.saturating_mul(PACKED_BYTES as u64) <= share(45) as u64,
+            block_vertices: 1 << (budget_bytes / 8192).clamp(16, 4096).ilog2(),
+            cache_bytes: share(40),
+            spill_bytes: share(if is_one_bucket { 75 } else { 25 }),
+            capacity,
+            is_one_bucket,
+            faces,
+            vertices,
+        }
+    }
+
+    /// The ranges of keys of the buckets, given the vertices in each coarse cell: each is meant to hold somewhat
+    /// less than fits.
+    pub(super) fn ranges(&self, cells: &[u32]) -> Vec<Range<u64>> {
+        let end = CLASSES << CURVE_BITS;
+        if self.is_one_bucket {
+            return std::iter::once(0..end).collect();
+        }
+        // Faces are spread as vertices are.
+        let weights = cells.iter().map(|&n| {
+            let faces = u128::from(n) * u128::from(self.faces) / u128::from(self.vertices.max(1));
+            u64::try_from(faces).unwrap_or(u64::MAX)
+        });
+        let first_class = 1 << CURVE_BITS;
+        let target = self.capacity as u64 / 10 * 6;
+        let start_of = |cell: usize| Curve::coarse_key(cell.min(COARSE_CELLS));
+        let mut ranges = balanced(weights, start_of, target, first_class);
+        ranges.extend((1..CLASSES).map(|class| class << CURVE_BITS..(class + 1) << CURVE_BITS));
+        ranges
+    }
+
+    /// The disk that the building takes at most, if polygons are triangles.
+    pub(super) fn forecast(&self) -> MeshDiskForecast {
+        let vertices = if self.holds_vertices { 0 } else { self.vertices * PACKED_BYTES as u64 };
+        // A bucket that turns out too large is written twice; records shrink by a third or more.
+        let records = if self.is_one_bucket { 0 } else { self.faces * RECORD_BYTES as u64 };
+        MeshDiskForecast { temporary_bytes: vertices + records, store_bytes: self.faces * 20 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_mesh_needs_no_files() {
+        let plan = Plan::new(120 << 20, 250_000, 500_000);
+        assert!(plan.holds_vertices);
+        assert_eq!(plan.ranges(&[]).len(), 1);
+        assert_eq!(plan.forecast().temporary_bytes, 0);
+    }
+
+    #[test]
+    fn the_buckets_of_a_large_mesh_cover_all_keys_and_hold_about_the_same() {
+        let plan = Plan::new(120 << 20, 15_000_000, 30_000_000);
+        assert!(!plan.holds_vertices);
+        let mut cells = vec![0; COARSE_CELLS];
+        for k in 0..15_000 {
+            cells[(k * 7919) % COARSE_CELLS] += 1000;
+        }
+        let ranges = plan.ranges(&cells);
+        assert_eq!((ranges[0].start, ranges.last().unwrap().end), (0, CLASSES << CURVE_BITS));
+        assert!(ranges.windows(2).all(|w| w[0].end == w[1].start));
+        let of_class_0 = ranges.iter().filter(|r| r.start < 1 << CURVE_BITS).count();
+        assert!((25..60).contains(&of_class_0), "{of_class_0}");
+    }
+}
