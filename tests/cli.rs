@@ -164,6 +164,28 @@ fn input_that_does_not_exist_is_bad_input_and_named() {
 }
 
 #[test]
+fn a_project_file_speaks_for_flags_and_its_faults_are_placed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let project = folder.path().join("façade 1.toml");
+    let refused_with = |text: &str| {
+        fs::write(&project, text).expect("a writable folder");
+        refused(&[project.to_str().expect("UTF-8")])
+    };
+    let key = refused_with("mesh = [\"m.ply\"]\npixelsize = 1\n");
+    assert!(key.contains("façade 1.toml: line 2:") && key.contains("pixelsize"), "{key}");
+    let value = refused_with("interpolation = \"lanczos\"\n");
+    assert!(value.contains("key `interpolation`") && value.contains("bicubic"), "{value}");
+    let incomplete = refused_with("mesh = [\"m.ply\"]\nout = \"o.tif\"\n");
+    assert!(incomplete.contains("--cameras is missing"), "{incomplete}");
+    let cylinder = refused_with(
+        "mesh = [\"m.ply\"]\nout = \"o.tif\"\ncameras = \"c\"\nphotos = \"p\"\n[frame]\nkind = \"cylinder\"\n\
+         origin = [0, 0, 0]\naxis = [0, 0, 1]\nzero = [1, 0, 0]\nradius = 5.0\nfacing = \"outside\"\n",
+    );
+    assert!(cylinder.contains("\"cylinder\" is not supported"), "{cylinder}");
+    assert_eq!(fs::read_dir(folder.path()).expect("it exists").count(), 1, "nothing was written");
+}
+
+#[test]
 fn what_comes_later_is_refused_and_says_so() {
     let complete = ["--mesh", "m.ply", "--cameras", "c", "--photos", "p", "--out", "o.tif"];
     let masks = refused(&[&complete[..], &["--view", "top", "--masks", "m"]].concat());

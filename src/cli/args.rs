@@ -151,7 +151,7 @@ pub struct OrthoArgs {
     /// Use no photo whose full name matches (* crosses /); repeatable [default: none]
     #[arg(long, value_name = "GLOB", help_heading = "Input", value_parser = pattern!())]
     pub exclude: Vec<String>,
-    /// Folder of masks, <photo name>.png or <photo stem>.png, 0 = do not use (comes with a later version)
+    /// Folder of masks, named as the photos (or their stems) + .png, 0 = do not use; comes with a later version
     #[arg(long, value_name = "DIR", help_heading = "Input", value_parser = path!())]
     pub masks: Option<PathBuf>,
 
@@ -205,7 +205,7 @@ pub struct OrthoArgs {
     /// The mosaic, a Cloud Optimized GeoTIFF; layers are written beside it
     #[arg(long, value_name = "FILE.tif", help_heading = "Output", value_parser = path!())]
     pub out: Option<PathBuf>,
-    /// Also write <out stem>.<layer>.tif: elevation, face, count, used, coverage, best [default: none]
+    /// Also write STEM.LAYER.tif beside STEM.tif: elevation, face, count, used, coverage, best [default: none]
     #[arg(long, value_name = "A,B,…", help_heading = "Output", value_parser = values::layer, value_delimiter = ',')]
     pub layers: Vec<Meaning>,
     /// Compression of the tiles: deflate, zstd, lzw or none [default: deflate]
