@@ -1,6 +1,7 @@
 //! [`Layer`]: what one output file holds, in which samples, and what its values mean.
 
 use super::{Raster, SampleType};
+use crate::image::{Colour, Depth};
 
 /// `face` where no face is seen.
 pub const NO_FACE: u32 = u32::MAX;
@@ -27,24 +28,6 @@ pub enum Meaning {
     Coverage,
     /// Index of the heaviest kept photo; [`NO_PHOTO`] where there is none.
     Best,
-}
-
-/// Colour of a mosaic, its alpha not counted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Colour {
-    /// One channel.
-    Grey,
-    /// Three channels.
-    Rgb,
-}
-
-/// Bits of a mosaic's samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Depth {
-    /// 0 to 255.
-    Eight,
-    /// 0 to 65535.
-    Sixteen,
 }
 
 /// One output file: samples, meaning, description and metadata.

@@ -12,7 +12,8 @@ mod raster;
 mod test_pixels;
 mod tile;
 
+pub use crate::image::{Colour, Depth};
 pub use codec::{Compression, Scratch, TileDamage};
-pub use layer::{Colour, Depth, Layer, Meaning, NO_FACE, NO_PHOTO, NO_SURFACE};
+pub use layer::{Layer, Meaning, NO_FACE, NO_PHOTO, NO_SURFACE};
 pub use raster::{Raster, SampleType};
 pub use tile::{decode_tile, encode_tile};
