@@ -11,11 +11,11 @@ const LEAST_SIGMA: f64 = 0.5 / 255.0;
 const GUARD: f64 = 1.0 + 1e-6;
 
 /// What a pixel's samples come to.
-struct Verdict {
+struct Verdict<const C: usize> {
     /// Weighted mean of the kept samples.
-    mean: [f64; 3],
+    mean: [f64; C],
     /// The pixel's colour before rounding.
-    colour: [f64; 3],
+    colour: [f64; C],
     /// The heaviest kept photo.
     best: u16,
     /// Samples kept.
@@ -66,7 +66,11 @@ fn blend_channels<const C: usize>(
 }
 
 /// DESIGN.md §1.4 and §1.5 for one pixel with at least one sample; `kept` is overwritten.
-fn judge<const C: usize>(settings: &Settings, samples: &[Sample], kept: &mut Vec<bool>) -> Verdict {
+fn judge<const C: usize>(
+    settings: &Settings,
+    samples: &[Sample],
+    kept: &mut Vec<bool>,
+) -> Verdict<C> {
     // Outliers.
     kept.clear();
     kept.resize(samples.len(), true);
@@ -86,22 +90,20 @@ fn judge<const C: usize>(settings: &Settings, samples: &[Sample], kept: &mut Vec
     // Weighted mean, as the first kept colour plus the weighted mean of the differences to it: samples that agree give
     // exactly the colour that they agree on. The best: only a heavier one replaces one of a lower id.
     let first = used().next().expect("one sample at least is kept");
-    let (mut sum, mut best) = ([0.0; 3], first);
+    let base = first.channels::<C>();
+    let (mut sum, mut best) = ([0.0; C], first);
     for s in used() {
-        for c in 0..C {
-            sum[c] += weight(s) * (f64::from(s.colour[c]) - f64::from(first.colour[c]));
+        for ((sum, v), base) in sum.iter_mut().zip(s.channels::<C>()).zip(base) {
+            *sum += weight(s) * (v - base);
         }
         if weight(s) > weight(best) {
             best = s;
         }
     }
-    let mut mean = [0.0; 3];
-    for c in 0..C {
-        mean[c] = f64::from(first.colour[c]) + sum[c] / total;
-    }
+    let mean = std::array::from_fn(|c| base[c] + sum[c] / total);
     let colour = match settings.blend {
         Blend::Mean => mean,
-        Blend::Best => best.colour.map(f64::from),
+        Blend::Best => best.channels(),
     };
     Verdict { mean, colour, best: best.photo, used: count }
 }
@@ -109,13 +111,13 @@ fn judge<const C: usize>(settings: &Settings, samples: &[Sample], kept: &mut Vec
 /// The outlier test; `kept` is all true when it is called. Distances are compared as squares.
 fn drop_outliers<const C: usize>(beta: f64, range: f64, samples: &[Sample], kept: &mut [bool]) {
     let n = samples.len() as f64;
-    let mut mean = [0.0; 3];
+    let mut sum = [0.0; C];
     for s in samples {
-        for c in 0..C {
-            mean[c] += f64::from(s.colour[c]);
+        for (sum, v) in sum.iter_mut().zip(s.channels::<C>()) {
+            *sum += v;
         }
     }
-    let mean = mean.map(|sum| sum / n);
+    let mean = sum.map(|sum| sum / n);
     let sigma_squared = samples.iter().map(|s| distance_squared::<C>(s, &mean)).sum::<f64>() / n;
     if sigma_squared < (LEAST_SIGMA * range) * (LEAST_SIGMA * range) {
         return;
@@ -135,13 +137,8 @@ fn drop_outliers<const C: usize>(beta: f64, range: f64, samples: &[Sample], kept
 }
 
 /// Square of the Euclidean distance over the channels.
-fn distance_squared<const C: usize>(sample: &Sample, colour: &[f64; 3]) -> f64 {
-    let mut sum = 0.0;
-    for c in 0..C {
-        let d = f64::from(sample.colour[c]) - colour[c];
-        sum += d * d;
-    }
-    sum
+fn distance_squared<const C: usize>(sample: &Sample, colour: &[f64; C]) -> f64 {
+    sample.channels::<C>().iter().zip(colour).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
 /// Counts one pixel's samples.
@@ -149,7 +146,7 @@ fn count<const C: usize>(
     statistics: &mut Statistics,
     samples: &[Sample],
     kept: &[bool],
-    mean: &[f64; 3],
+    mean: &[f64; C],
 ) {
     for (s, &kept) in samples.iter().zip(kept) {
         let photo = &mut statistics.photos[usize::from(s.photo)];
@@ -175,10 +172,9 @@ fn fixed(distance: f64) -> u64 {
 }
 
 /// Writes one pixel.
-fn put<const C: usize>(tile: &mut OrthoTile, at: usize, seen: usize, verdict: &Verdict) {
+fn put<const C: usize>(tile: &mut OrthoTile, at: usize, seen: usize, verdict: &Verdict<C>) {
     assert!(tile.count.data()[at] != OrthoTile::NO_SURFACE, "a sample needs a surface");
-    let saturated =
-        |n: usize| u8::try_from(n).unwrap_or(u8::MAX).min(OrthoTile::MAX_COUNT);
+    let saturated = |n: usize| u8::try_from(n).unwrap_or(u8::MAX).min(OrthoTile::MAX_COUNT);
     tile.count.data_mut()[at] = saturated(seen);
     tile.used.data_mut()[at] = saturated(verdict.used);
     tile.coverage.data_mut()[at] = saturated(seen).min(3);
@@ -195,12 +191,12 @@ fn put<const C: usize>(tile: &mut OrthoTile, at: usize, seen: usize, verdict: &V
 fn put_colour<T: Copy, const C: usize>(
     image: &mut Image<T>,
     at: usize,
-    verdict: &Verdict,
+    verdict: &Verdict<C>,
     round: impl Fn(f64) -> T,
 ) {
     let pixel = &mut image.data_mut()[at * (C + 1)..(at + 1) * (C + 1)];
-    for c in 0..C {
-        pixel[c] = round(verdict.colour[c]);
+    for (out, v) in pixel.iter_mut().zip(verdict.colour) {
+        *out = round(v);
     }
     pixel[C] = round(f64::INFINITY);
 }

@@ -76,7 +76,9 @@ impl Settings {
     pub fn check(&self) -> Result<()> {
         if !(self.beta.is_finite() && self.beta >= 0.0) {
             let found = self.beta;
-            return Err(Error::usage(format!("--beta: expected a number from 0 on, found {found}")));
+            return Err(Error::usage(format!(
+                "--beta: expected a number from 0 on, found {found}"
+            )));
         }
         let max = self.depth.max();
         match self.undefined.into_iter().find(|v| *v > max) {

@@ -15,6 +15,14 @@ pub(super) struct Sample {
     pub(super) pixel: u16,
 }
 
+impl Sample {
+    /// The first `C` channels.
+    #[inline]
+    pub(super) fn channels<const C: usize>(&self) -> [f64; C] {
+        std::array::from_fn(|c| f64::from(self.colour[c]))
+    }
+}
+
 /// Weights beyond are cut, so that no sum of them overflows. No face covers 1e100 photo pixels.
 const GREATEST_WEIGHT: f64 = 1e100;
 
@@ -99,8 +107,8 @@ impl SampleTile {
         self.samples.extend(pixels.iter().zip(colours).zip(weights).map(|((&k, colour), &w)| {
             assert!((k as usize) < area, "pixel {k} is outside the block of {area}");
             Sample {
-                // `max` turns "not a number" into 0.
-                weight: w.max(0.0).min(GREATEST_WEIGHT),
+                // Not a number is not greater than 0.
+                weight: if w > 0.0 { w.min(GREATEST_WEIGHT) } else { 0.0 },
                 colour: colour.map(|v| v * gain),
                 photo,
                 pixel: u16::try_from(k).expect("below the block's area"),

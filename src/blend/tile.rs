@@ -84,7 +84,9 @@ impl OrthoTile {
         assert!(self.rect.contains(&part), "{part:?} is not inside the tile {:?}", self.rect);
         let inside = |v: i64| usize::try_from(v).expect("contained");
         let (x, y) = (k % part.width(), k / part.width());
-        (inside(part.y0 - self.rect.y0) + y) * self.rect.width() + inside(part.x0 - self.rect.x0) + x
+        (inside(part.y0 - self.rect.y0) + y) * self.rect.width()
+            + inside(part.x0 - self.rect.x0)
+            + x
     }
 }
 

@@ -1,1 +1,19 @@
-//! (stage plan)
+//! What is settled once, before the first tile: the mosaic's extent, its pixel size, its tiles and their order.
+//!
+//! In: the mesh as [`Partitions`], the photos' orientation, a plane frame. Out: [`default_extent`],
+//! [`default_pixel_size`] and the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]);
+//! [`TileGrid`], the mosaic's tiles in the order in which they are best rendered.
+//!
+//! Promises: everything is a function of the mesh, the photos and the frame, by rules that do not depend on threads
+//! or memory; one partition at a time is in memory. Which partitions and photos a tile needs is found when it is
+//! rendered: occluders may lie far outside the tile's column.
+
+mod extent;
+mod partitions;
+mod pixel_size;
+mod tiles;
+
+pub use extent::{check_meeting, check_pixels, default_extent};
+pub use partitions::{Partitions, Slab};
+pub use pixel_size::default_pixel_size;
+pub use tiles::{TileGrid, TileId};
