@@ -2,6 +2,7 @@
 
 mod cameras;
 mod describe;
+mod mesh;
 mod settings;
 mod tiff;
 
