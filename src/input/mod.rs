@@ -8,6 +8,7 @@
 mod colmap;
 mod glob;
 mod mesh;
+pub mod photo;
 mod ply;
 mod project;
 mod toml_file;

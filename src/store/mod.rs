@@ -5,3 +5,4 @@
 
 pub mod mesh;
 mod mmap;
+pub mod photo;

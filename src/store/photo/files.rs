@@ -1,0 +1,71 @@
+//! Reading at a position, from many files with few of them open.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Most store files kept open; opening one takes some microseconds, decoding a tile some hundred.
+const MAX_OPEN: usize = 64;
+
+/// A file that threads read at positions of their own.
+#[derive(Debug)]
+pub(super) struct PositionedFile {
+    #[cfg(unix)]
+    file: File,
+    #[cfg(not(unix))]
+    file: Mutex<File>,
+}
+
+impl PositionedFile {
+    /// Opens a file and gives its length.
+    pub(super) fn open(path: &Path) -> io::Result<(Self, u64)> {
+        let file = File::open(path)?;
+        let length = file.metadata()?.len();
+        #[cfg(not(unix))]
+        let file = Mutex::new(file);
+        Ok((Self { file }, length))
+    }
+
+    /// Fills `buffer` from `offset` on.
+    #[cfg(unix)]
+    pub(super) fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+        std::os::unix::fs::FileExt::read_exact_at(&self.file, buffer, offset)
+    }
+
+    /// Fills `buffer` from `offset` on.
+    #[cfg(not(unix))]
+    pub(super) fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+        use std::io::{Read, Seek, SeekFrom};
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        file.seek(SeekFrom::Start(offset))?;
+        file.read_exact(buffer)
+    }
+}
+
+/// Open files by number, the most recently used first.
+#[derive(Debug, Default)]
+pub(super) struct OpenFiles {
+    recent: Mutex<Vec<(usize, Arc<PositionedFile>)>>,
+}
+
+impl OpenFiles {
+    /// The file of this number, opened at `path` unless it is open.
+    pub(super) fn get(&self, number: usize, path: &Path) -> io::Result<Arc<PositionedFile>> {
+        if let Some(file) = self.find(number) {
+            return Ok(file);
+        }
+        let file = Arc::new(PositionedFile::open(path)?.0);
+        let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+        recent.truncate(MAX_OPEN - 1);
+        recent.insert(0, (number, Arc::clone(&file)));
+        Ok(file)
+    }
+
+    fn find(&self, number: usize) -> Option<Arc<PositionedFile>> {
+        let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+        let at = recent.iter().position(|(n, _)| *n == number)?;
+        recent[..=at].rotate_right(1);
+        Some(Arc::clone(&recent[0].1))
+    }
+}

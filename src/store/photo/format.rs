@@ -1,0 +1,219 @@
+//! Shape of a pyramid and layout of a store file; see the module page.
+
+use std::path::Path;
+
+use crate::geom::Size;
+use crate::{Error, Result};
+
+/// First bytes of a store file.
+pub(super) const MAGIC: [u8; 8] = *b"GRNDPHOT";
+/// To be raised with every change of the layout, the codec, the pyramid, or a decoder's samples.
+pub(super) const VERSION: u32 = 1;
+/// Side of a tile in pixels: a tile of RGB is 192 KiB decoded, some 80 KiB stored.
+pub(super) const TILE_SIDE: u32 = 256;
+/// Length of the header.
+pub(super) const HEADER_BYTES: usize = 64;
+/// Length of an index entry.
+pub(super) const ENTRY_BYTES: usize = 16;
+/// A level is the last when one of its sides is at most this.
+const LAST_SIDE: u32 = 16;
+
+/// Size and samples of a photo, from which the shape of its pyramid follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Shape {
+    pub(super) size: Size,
+    pub(super) channels: usize,
+    pub(super) bits: u32,
+}
+
+/// One tile of a pyramid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct TileId {
+    pub(super) level: u32,
+    pub(super) x: u32,
+    pub(super) y: u32,
+}
+
+impl Shape {
+    /// Number of levels, at least 1.
+    pub(super) fn levels(&self) -> u32 {
+        let mut size = self.size;
+        let mut levels = 1;
+        while size.width > LAST_SIDE && size.height > LAST_SIDE {
+            size = size.halved();
+            levels += 1;
+        }
+        levels
+    }
+
+    /// Size of a level in pixels.
+    pub(super) fn level_size(&self, level: u32) -> Size {
+        (0..level).fold(self.size, |size, _| size.halved())
+    }
+
+    /// Columns and rows of tiles of a level.
+    fn level_tiles(&self, level: u32) -> Size {
+        let size = self.level_size(level);
+        Size::new(size.width.div_ceil(TILE_SIDE), size.height.div_ceil(TILE_SIDE))
+    }
+
+    /// Number of tiles before those of `level`.
+    fn tiles_before(&self, level: u32) -> u64 {
+        (0..level).map(|l| self.level_tiles(l).area()).sum()
+    }
+
+    /// Number of tiles of all levels.
+    pub(super) fn tiles(&self) -> u64 {
+        self.tiles_before(self.levels())
+    }
+
+    /// Number of a tile in the index.
+    pub(super) fn ordinal(&self, tile: TileId) -> u64 {
+        let columns = u64::from(self.level_tiles(tile.level).width);
+        self.tiles_before(tile.level) + u64::from(tile.y) * columns + u64::from(tile.x)
+    }
+
+    /// Size of a tile in pixels; smaller at the right and lower edge.
+    pub(super) fn tile_size(&self, tile: TileId) -> Size {
+        let size = self.level_size(tile.level);
+        Size::new(
+            (size.width - tile.x * TILE_SIDE).min(TILE_SIDE),
+            (size.height - tile.y * TILE_SIDE).min(TILE_SIDE),
+        )
+    }
+
+    /// Number of samples of a tile.
+    pub(super) fn tile_samples(&self, tile: TileId) -> usize {
+        let size = self.tile_size(tile);
+        size.width as usize * size.height as usize * self.channels
+    }
+
+    /// Bytes of a sample: 1 or 2.
+    pub(super) fn sample_bytes(&self) -> usize {
+        if self.bits == 16 { 2 } else { 1 }
+    }
+
+    /// Offset of the first tile.
+    pub(super) fn tiles_offset(&self) -> u64 {
+        entry_offset(self.tiles())
+    }
+}
+
+/// A store file's header that has been checked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Header {
+    pub(super) shape: Shape,
+    pub(super) fingerprint: u128,
+    pub(super) file_bytes: u64,
+    pub(super) index_crc: u32,
+}
+
+impl Header {
+    /// The header as it stands in the file.
+    pub(super) fn to_bytes(self) -> [u8; HEADER_BYTES] {
+        let small = |v: usize| u8::try_from(v).expect("channels, bits and levels are below 256");
+        let shape = self.shape;
+        let mut bytes = [0; HEADER_BYTES];
+        bytes[0..8].copy_from_slice(&MAGIC);
+        bytes[8..12].copy_from_slice(&VERSION.to_le_bytes());
+        bytes[12..16].copy_from_slice(&TILE_SIDE.to_le_bytes());
+        bytes[16..20].copy_from_slice(&shape.size.width.to_le_bytes());
+        bytes[20..24].copy_from_slice(&shape.size.height.to_le_bytes());
+        bytes[24] = small(shape.channels);
+        bytes[25] = small(shape.bits as usize);
+        bytes[26] = small(shape.levels() as usize);
+        let tiles = u32::try_from(shape.tiles()).expect("a photo has at most 2^32 pixels");
+        bytes[28..32].copy_from_slice(&tiles.to_le_bytes());
+        bytes[32..48].copy_from_slice(&self.fingerprint.to_le_bytes());
+        bytes[48..56].copy_from_slice(&self.file_bytes.to_le_bytes());
+        bytes[56..60].copy_from_slice(&self.index_crc.to_le_bytes());
+        let crc = crc32fast::hash(&bytes[..60]);
+        bytes[60..].copy_from_slice(&crc.to_le_bytes());
+        bytes
+    }
+
+    /// Checks the bytes of a header against each other and against the length of the file.
+    pub(super) fn check(bytes: &[u8; HEADER_BYTES], path: &Path, file_bytes: u64) -> Result<Self> {
+        let bad = |place: &str, expected: String, found: String| {
+            Err(Error::corrupt(path, place, expected, found))
+        };
+        let word = |at| u32::from_le_bytes(array(bytes, at));
+        if bytes[..8] != MAGIC {
+            return bad("byte 0", "a photo store".into(), "something else".into());
+        }
+        if word(8) != VERSION {
+            return bad("byte 8", format!("version {VERSION}"), word(8).to_string());
+        }
+        if word(60) != crc32fast::hash(&bytes[..60]) {
+            return bad("byte 60", "the checksum of the header".into(), "another one".into());
+        }
+        let shape = Shape {
+            size: Size::new(word(16), word(20)),
+            channels: bytes[24].into(),
+            bits: bytes[25].into(),
+        };
+        let is_photo = matches!((shape.channels, shape.bits), (1 | 3, 8 | 16))
+            && shape.size.width > 0
+            && shape.size.height > 0;
+        if !is_photo
+            || word(12) != TILE_SIDE
+            || u32::from(bytes[26]) != shape.levels()
+            || u64::from(word(28)) != shape.tiles()
+        {
+            return bad("byte 12", "the shape of a pyramid".into(), "a contradiction".into());
+        }
+        let header = Self {
+            shape,
+            fingerprint: u128::from_le_bytes(array(bytes, 32)),
+            file_bytes: u64::from_le_bytes(array(bytes, 48)),
+            index_crc: word(56),
+        };
+        if header.file_bytes != file_bytes || file_bytes < shape.tiles_offset() {
+            return bad("length", format!("{} bytes", header.file_bytes), file_bytes.to_string());
+        }
+        Ok(header)
+    }
+}
+
+/// An index entry: where a tile lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Entry {
+    pub(super) offset: u64,
+    pub(super) length: u32,
+    pub(super) crc: u32,
+}
+
+impl Entry {
+    pub(super) fn to_bytes(self) -> [u8; ENTRY_BYTES] {
+        let mut bytes = [0; ENTRY_BYTES];
+        bytes[..8].copy_from_slice(&self.offset.to_le_bytes());
+        bytes[8..12].copy_from_slice(&self.length.to_le_bytes());
+        bytes[12..].copy_from_slice(&self.crc.to_le_bytes());
+        bytes
+    }
+
+    pub(super) fn from_bytes(bytes: &[u8; ENTRY_BYTES]) -> Self {
+        Self {
+            offset: u64::from_le_bytes(array(bytes, 0)),
+            length: u32::from_le_bytes(array(bytes, 8)),
+            crc: u32::from_le_bytes(array(bytes, 12)),
+        }
+    }
+}
+
+/// Offset of a tile's index entry.
+pub(super) fn entry_offset(ordinal: u64) -> u64 {
+    HEADER_BYTES as u64 + ordinal * ENTRY_BYTES as u64
+}
+
+/// Checksum of a stored tile; its number is in it, so that no tile can pass for another.
+pub(super) fn tile_crc(ordinal: u64, stored: &[u8]) -> u32 {
+    let mut crc = crc32fast::Hasher::new();
+    crc.update(&ordinal.to_le_bytes());
+    crc.update(stored);
+    crc.finalize()
+}
+
+fn array<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    bytes[at..at + N].try_into().expect("a slice of N bytes")
+}
