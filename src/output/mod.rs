@@ -5,8 +5,16 @@
 //! the same bytes, whatever the thread, the order or the machine.
 
 mod codec;
+mod cog;
+mod geokeys;
+mod halve;
+mod ifd;
 mod layer;
+mod metadata;
+mod overview;
+mod pending;
 mod predictor;
+mod pyramid;
 mod raster;
 #[cfg(test)]
 mod test_pixels;
@@ -14,6 +22,13 @@ mod tile;
 
 pub use crate::image::{Colour, Depth};
 pub use codec::{Compression, Scratch, TileDamage};
+pub use cog::{BigTiff, CogSpec, CogWriter};
+pub use geokeys::{Georeference, parse_crs};
+pub use halve::halve;
 pub use layer::{Layer, Meaning, NO_FACE, NO_PHOTO, NO_SURFACE};
+pub use overview::{Gathered, OverviewBuilder, Quarter};
+pub(crate) use pending::lock;
+pub use pending::{PendingFile, write_atomically};
+pub use pyramid::{Pyramid, TileFormat, TileKey};
 pub use raster::{Raster, SampleType};
 pub use tile::{decode_tile, encode_tile};

@@ -86,6 +86,26 @@ impl Raster {
         }
     }
 
+    /// The image, if its samples are of this type.
+    pub fn as_u8(&self) -> Option<&Image<u8>> {
+        if let Self::U8(i) = self { Some(i) } else { None }
+    }
+
+    /// The image, if its samples are of this type.
+    pub fn as_u16(&self) -> Option<&Image<u16>> {
+        if let Self::U16(i) = self { Some(i) } else { None }
+    }
+
+    /// The image, if its samples are of this type.
+    pub fn as_u32(&self) -> Option<&Image<u32>> {
+        if let Self::U32(i) = self { Some(i) } else { None }
+    }
+
+    /// The image, if its samples are of this type.
+    pub fn as_f32(&self) -> Option<&Image<f32>> {
+        if let Self::F32(i) = self { Some(i) } else { None }
+    }
+
     /// Appends row `y` to `out` as little-endian bytes; every NaN as the one quiet NaN 0x7fc00000, so that equal
     /// pixels are equal bytes.
     ///

@@ -63,3 +63,18 @@ pub(super) fn noise(layer: &Layer, size: Size, seed: u64) -> Raster {
         }
     }
 }
+
+/// The pixels of `rect`.
+pub(super) fn cut(raster: &Raster, rect: crate::geom::PixelRect) -> Raster {
+    let at = |v| usize::try_from(v).unwrap();
+    let pixel = raster.channels() * raster.sample_type().bytes();
+    let mut bytes = Vec::new();
+    for y in rect.y0..rect.y1 {
+        let mut row = Vec::new();
+        raster.append_row(at(y), &mut row);
+        bytes.extend_from_slice(&row[at(rect.x0) * pixel..at(rect.x1) * pixel]);
+    }
+    let side = |v: usize| u32::try_from(v).unwrap();
+    let size = Size::new(side(rect.width()), side(rect.height()));
+    Raster::from_le_bytes(raster.sample_type(), size, raster.channels(), &bytes)
+}
