@@ -84,10 +84,7 @@ impl CogWriter {
     pub fn create(path: &Path, spec: &CogSpec<'_>, lengths: Vec<u32>) -> Result<Self> {
         let tiles: usize = (0..spec.pyramid.levels()).map(|l| spec.pyramid.tile_count(l)).sum();
         assert_eq!(lengths.len(), tiles, "one length for each tile");
-        let mut layout = Layout::new(spec, Flavour::Classic, &lengths);
-        if spec.big_tiff == BigTiff::Always || u32::try_from(layout.end).is_err() {
-            layout = Layout::new(spec, Flavour::Big, &lengths);
-        }
+        let layout = Layout::of(spec, &lengths);
         let mut out = BufWriter::with_capacity(BUFFER, PendingFile::create(path)?);
         let result = write_head(&mut out, spec, &layout, &lengths);
         result.map_err(|e| Error::io(path, e))?;
@@ -144,6 +141,16 @@ impl CogWriter {
 }
 
 impl Layout {
+    /// The layout of a file, classic unless that would pass 4 GiB or BigTIFF is asked for.
+    fn of(spec: &CogSpec<'_>, lengths: &[u32]) -> Self {
+        let classic = Self::new(spec, Flavour::Classic, lengths);
+        if spec.big_tiff == BigTiff::Always || u32::try_from(classic.end).is_err() {
+            Self::new(spec, Flavour::Big, lengths)
+        } else {
+            classic
+        }
+    }
+
     fn new(spec: &CogSpec<'_>, flavour: Flavour, lengths: &[u32]) -> Self {
         // Values of tables do not change the length of a directory, only their number does.
         let directory_bytes = |level| {
@@ -277,5 +284,49 @@ fn coverage_colours() -> Vec<u16> {
 impl std::fmt::Display for TileKey {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "tile ({}, {}) of level {}", self.x, self.y, self.level)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Size;
+
+    #[test]
+    fn a_file_is_a_big_tiff_from_the_first_byte_beyond_32_bits() {
+        let layer = Layer::of(Meaning::Count).unwrap();
+        let spec = CogSpec {
+            layer: &layer,
+            pyramid: Pyramid::new(Size::new(32, 16), 16).unwrap(),
+            compression: Compression::Deflate,
+            georeference: None,
+            big_tiff: BigTiff::IfNeeded,
+        };
+        let empty = Layout::of(&spec, &[0, 0, 0]);
+        assert_eq!(empty.flavour, Flavour::Classic);
+        let room = u32::MAX - u32::try_from(empty.end).unwrap();
+        let full = Layout::of(&spec, &[7, room - 7, 0]);
+        assert_eq!((full.flavour, full.end), (Flavour::Classic, u64::from(u32::MAX)));
+        assert_eq!(Layout::of(&spec, &[7, room - 7, 1]).flavour, Flavour::Big);
+        let always = CogSpec { big_tiff: BigTiff::Always, ..spec };
+        assert_eq!(Layout::of(&always, &[0, 0, 0]).flavour, Flavour::Big);
+    }
+
+    #[test]
+    fn a_mosaic_given_up_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let layer = Layer::of(Meaning::Count).unwrap();
+        let spec = CogSpec {
+            layer: &layer,
+            pyramid: Pyramid::new(Size::new(32, 16), 16).unwrap(),
+            compression: Compression::None,
+            georeference: None,
+            big_tiff: BigTiff::IfNeeded,
+        };
+        let path = folder.path().join("a.tif");
+        let mut writer = CogWriter::create(&path, &spec, vec![256; 3]).unwrap();
+        writer.write_tile(&[0; 256]).unwrap();
+        drop(writer);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -160,6 +160,17 @@ impl Layer {
         }
     }
 
+    /// Whether samples and channels are those of the meaning: a layer read from a file may claim anything.
+    pub fn is_consistent(&self) -> bool {
+        match Self::of(self.meaning) {
+            Some(own) => self.sample == own.sample && self.channels == own.channels,
+            None => {
+                matches!(self.sample, SampleType::U8 | SampleType::U16)
+                    && matches!(self.channels, 2 | 4)
+            }
+        }
+    }
+
     /// Whether a raster has this layer's sample type and channels.
     pub fn fits(&self, raster: &Raster) -> bool {
         raster.sample_type() == self.sample && raster.channels() == self.channels

@@ -1,4 +1,7 @@
 //! The `GDAL_METADATA` tag (42112): a layer's items, band descriptions and units as XML.
+//!
+//! GDAL escapes an item's text twice when it writes and unescapes it twice when it reads, so a text is escaped twice
+//! here too; names are escaped once, there as here.
 
 use std::fmt::Write as _;
 
@@ -30,7 +33,7 @@ fn band_descriptions(layer: &Layer) -> Vec<&'static str> {
 }
 
 fn item(xml: &mut String, name: &str, attributes: &str, value: &str) {
-    let (name, value) = (escaped(name), escaped(value));
+    let (name, value) = (escaped(name), escaped(&escaped(value)));
     writeln!(xml, "  <Item name=\"{name}\"{attributes}>{value}</Item>")
         .expect("a string takes every character");
 }
@@ -60,6 +63,9 @@ mod tests {
     fn no_item_can_break_out_of_the_xml() {
         let layer = Layer::of(Meaning::Count).unwrap().with_item("a\"b", "</Item>&\u{0}");
         let xml = gdal_metadata(&layer);
-        assert!(xml.contains("<Item name=\"a&quot;b\">&lt;/Item&gt;&amp;\u{fffd}</Item>"), "{xml}");
+        assert!(
+            xml.contains("<Item name=\"a&quot;b\">&amp;lt;/Item&amp;gt;&amp;amp;\u{fffd}</Item>"),
+            "{xml}"
+        );
     }
 }

@@ -23,15 +23,15 @@ pub struct TileFormat {
     pub compression: Compression,
 }
 
-/// A tile of a level: 0 is full resolution.
+/// A tile of a level: 0 is full resolution. Ordered by level, then row by row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TileKey {
     /// The level.
     pub level: u32,
-    /// Column of the tile.
-    pub x: u32,
     /// Row of the tile.
     pub y: u32,
+    /// Column of the tile.
+    pub x: u32,
 }
 
 /// The levels of a file: each has half the size of the one before, rounded up, until one tile (or 512 × 512 pixels,
@@ -45,7 +45,7 @@ pub struct Pyramid {
 impl TileKey {
     /// Tile `(x, y)` of `level`.
     pub fn new(level: u32, x: u32, y: u32) -> Self {
-        Self { level, x, y }
+        Self { level, y, x }
     }
 
     /// The tile of the next coarser level that shows this one.

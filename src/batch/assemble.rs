@@ -1,0 +1,90 @@
+//! [`assemble`]: the parts of a job become its files.
+
+use std::path::{Path, PathBuf};
+
+use super::known::Known;
+use super::part::name_tiles;
+use super::{Manifest, PartReader};
+use crate::output::{BigTiff, CogSpec, CogWriter, Meaning, PendingFile};
+use crate::{Error, Result};
+
+/// What is to be assembled, and into what.
+#[derive(Debug, Clone, Copy)]
+pub struct Assembly<'a> {
+    /// The job.
+    pub manifest: &'a Manifest,
+    /// Its parts, in any order.
+    pub parts: &'a [PathBuf],
+    /// The file of each layer of the manifest, in its order; their folders exist.
+    pub outputs: &'a [PathBuf],
+    /// Classic TIFF or BigTIFF.
+    pub big_tiff: BigTiff,
+}
+
+/// Writes the files of all layers, and when all are whole, puts them in their places, the mosaic last. What stood
+/// there is replaced, each file at once. Compressed tiles are copied as they are: memory is the parts' indexes, the
+/// tables of one layer and one tile.
+///
+/// # Errors
+/// If tiles are missing (they are named), a part is damaged, or the disk refuses. Unless the last step, the renaming,
+/// fails, all files that stood there stay.
+///
+/// # Panics
+/// If there is not one output for each layer.
+pub fn assemble(assembly: &Assembly<'_>) -> Result<()> {
+    let manifest = assembly.manifest;
+    assert_eq!(assembly.outputs.len(), manifest.layers().len(), "one output a layer");
+    let parts: Result<Vec<_>> =
+        assembly.parts.iter().map(|path| PartReader::open(path, manifest)).collect();
+    let known = Known::new(manifest, parts?);
+    refuse_gaps(&known, manifest)?;
+    let mut whole = Vec::new();
+    for (layer, path) in assembly.outputs.iter().enumerate() {
+        whole.push((layer, write_layer(assembly, &known, layer, path)?));
+    }
+    // Readers wait for the mosaic; when it is there, so are its layers.
+    whole.sort_by_key(|(layer, _)| manifest.layers()[*layer].meaning() == Meaning::Mosaic);
+    whole.into_iter().try_for_each(|(_, file)| file.commit())
+}
+
+fn refuse_gaps(known: &Known<'_>, manifest: &Manifest) -> Result<()> {
+    let pyramid = manifest.pyramid();
+    for level in 0..pyramid.levels() {
+        let missing = known.missing(&pyramid, level);
+        if !missing.is_empty() {
+            let what = if level == 0 { "tiles".into() } else { format!("overviews {level}") };
+            let names = name_tiles(&missing);
+            let of = pyramid.tile_count(level);
+            let found = format!("{} of {of} {what} are missing: {names}", missing.len());
+            return Err(Error::usage(format!("the job is not finished: {found}")));
+        }
+    }
+    Ok(())
+}
+
+/// One layer's file, whole, but not yet in its place.
+fn write_layer(
+    assembly: &Assembly<'_>,
+    known: &Known<'_>,
+    layer: usize,
+    path: &Path,
+) -> Result<PendingFile> {
+    let manifest = assembly.manifest;
+    let pyramid = manifest.pyramid();
+    let spec = CogSpec {
+        layer: &manifest.layers()[layer],
+        pyramid,
+        compression: manifest.format().compression,
+        georeference: manifest.georeference(),
+        big_tiff: assembly.big_tiff,
+    };
+    let places = || pyramid.file_order().filter_map(|tile| known.find(layer, tile));
+    let lengths = places().map(|(_, entry)| entry.length).collect();
+    let mut writer = CogWriter::create(path, &spec, lengths)?;
+    let mut bytes = Vec::new();
+    for (part, entry) in places() {
+        part.read(entry, &mut bytes)?;
+        writer.write_tile(&bytes)?;
+    }
+    writer.complete()
+}

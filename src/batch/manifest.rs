@@ -1,0 +1,209 @@
+//! [`Manifest`]: what all parts of a job have in common.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use xxhash_rust::xxh3::xxh3_128;
+
+use super::TileAddress;
+use crate::geom::{PixelRect, Size};
+use crate::output::{Georeference, Layer, Pyramid, TileFormat, TileKey, write_atomically};
+use crate::{Error, Result};
+
+/// Version of the manifest's format.
+const VERSION: u32 = 1;
+/// No manifest is longer; most of it is the names of photos.
+const MAX_BYTES: u64 = 64 << 20;
+
+/// The grid, the layers and the settings of a job; kept as JSON beside the parts, replaced atomically.
+///
+/// Two runs with equal manifests make equal bytes, so their parts may be mixed; parts of another manifest are foreign.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    version: u32,
+    width: u32,
+    height: u32,
+    format: TileFormat,
+    layers: Vec<Layer>,
+    georeference: Option<Georeference>,
+    settings: String,
+}
+
+impl Manifest {
+    /// The manifest of a job. `settings` is a fingerprint of everything else that decides a pixel: inputs and flags.
+    ///
+    /// # Errors
+    /// If the size or the tile size is out of range, or a layer comes twice.
+    pub fn new(
+        size: Size,
+        format: TileFormat,
+        layers: Vec<Layer>,
+        georeference: Option<Georeference>,
+        settings: impl Into<String>,
+    ) -> Result<Self> {
+        let manifest = Self {
+            version: VERSION,
+            width: size.width,
+            height: size.height,
+            format,
+            layers,
+            georeference,
+            settings: settings.into(),
+        };
+        Pyramid::new(size, format.tile_size)?;
+        manifest.check_layers().map_err(Error::Usage)?;
+        Ok(manifest)
+    }
+
+    /// Reads a manifest.
+    ///
+    /// # Errors
+    /// If it cannot be read or is not one of this version.
+    pub fn load(path: &Path) -> Result<Self> {
+        let mut text = String::new();
+        File::open(path)
+            .and_then(|file| file.take(MAX_BYTES).read_to_string(&mut text))
+            .map_err(|e| Error::io(path, e))?;
+        let corrupt = |place: String, expected: &str, found: String| {
+            Error::corrupt(path, place, expected, found)
+        };
+        let manifest: Self = serde_json::from_str(&text).map_err(|e| {
+            let place = format!("line {}, column {}", e.line(), e.column());
+            corrupt(place, "a job manifest", e.to_string())
+        })?;
+        if manifest.version != VERSION {
+            let expected = VERSION.to_string();
+            return Err(corrupt("key `version`".into(), &expected, manifest.version.to_string()));
+        }
+        Pyramid::new(manifest.size(), manifest.format.tile_size)
+            .map_err(|e| corrupt("the grid".into(), "a valid grid", e.to_string()))?;
+        manifest
+            .check_layers()
+            .map_err(|found| corrupt("key `layers`".into(), "valid layers", found))?;
+        Ok(manifest)
+    }
+
+    /// Writes the manifest, replacing what was there at once.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        write_atomically(path, &self.to_json())
+    }
+
+    /// Identifies the job in its parts.
+    pub fn fingerprint(&self) -> u128 {
+        xxh3_128(&self.to_json())
+    }
+
+    fn to_json(&self) -> Vec<u8> {
+        let mut json =
+            serde_json::to_vec_pretty(self).expect("texts, numbers and lists are valid JSON");
+        json.push(b'\n');
+        json
+    }
+
+    fn check_layers(&self) -> std::result::Result<(), String> {
+        if self.layers.is_empty() {
+            return Err("no layer".into());
+        }
+        for (i, layer) in self.layers.iter().enumerate() {
+            let name = layer.meaning().name();
+            if !layer.is_consistent() {
+                return Err(format!("layer {name} with other samples than it has"));
+            }
+            if self.layers[..i].iter().any(|l| l.meaning() == layer.meaning()) {
+                return Err(format!("layer {name} twice"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Size of the mosaic in pixels.
+    pub fn size(&self) -> Size {
+        Size::new(self.width, self.height)
+    }
+
+    /// Tiles and their compression.
+    pub fn format(&self) -> TileFormat {
+        self.format
+    }
+
+    /// The layers, in the order in which a tile's rasters come.
+    pub fn layers(&self) -> &[Layer] {
+        &self.layers
+    }
+
+    /// Where the pixels lie.
+    pub fn georeference(&self) -> Option<&Georeference> {
+        self.georeference.as_ref()
+    }
+
+    /// The fingerprint of the inputs and flags.
+    pub fn settings(&self) -> &str {
+        &self.settings
+    }
+
+    /// The levels and tiles of every file of the job.
+    ///
+    /// # Panics
+    /// Never: the grid is checked when the manifest is made.
+    pub fn pyramid(&self) -> Pyramid {
+        Pyramid::new(self.size(), self.format.tile_size).expect("checked when it was made")
+    }
+
+    /// The pixels of the mosaic that a tile shows; clipped to the mosaic.
+    pub fn tile_rect(&self, tile: TileAddress) -> PixelRect {
+        self.pyramid().tile_rect(TileKey::from(tile))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::{Compression, Meaning};
+
+    fn manifest(origin: f64) -> Manifest {
+        let format = TileFormat { tile_size: 16, compression: Compression::Zstd };
+        let layer = Layer::of(Meaning::Best).unwrap().with_item("PHOTO_0", "ä \"b\".jpg");
+        let georeference =
+            Georeference { origin_u: origin, origin_v: -0.1, pixel_size: 0.01, epsg: None };
+        Manifest::new(Size::new(40, 30), format, vec![layer], Some(georeference), "abc").unwrap()
+    }
+
+    #[test]
+    fn a_manifest_reads_back_to_the_last_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("manifest.json");
+        for origin in [0.1 + 0.2, 1e300 / 3.0, -123_456.789_012_345_67, f64::MIN_POSITIVE] {
+            let whole = manifest(origin);
+            whole.save(&path).unwrap();
+            let back = Manifest::load(&path).unwrap();
+            assert_eq!(back, whole);
+            assert_eq!(back.georeference().unwrap().origin_u.to_bits(), origin.to_bits());
+            assert_eq!(back.fingerprint(), whole.fingerprint());
+        }
+        assert_ne!(manifest(1.0).fingerprint(), manifest(1.0 + f64::EPSILON).fingerprint());
+    }
+
+    #[test]
+    fn a_manifest_that_was_tampered_with_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("manifest.json");
+        let text = String::from_utf8(manifest(0.0).to_json()).unwrap();
+        for (from, to) in [
+            ("\"version\": 1", "\"version\": 2"),
+            ("\"tile_size\": 16", "\"tile_size\": 17"),
+            ("\"width\": 40", "\"width\": 0"),
+            ("\"channels\": 1", "\"channels\": 3"),
+            ("\"settings\"", "\"stettings\""),
+        ] {
+            assert!(text.contains(from), "{from}");
+            std::fs::write(&path, text.replace(from, to)).unwrap();
+            let e = Manifest::load(&path).unwrap_err();
+            assert!(e.to_string().contains("manifest.json") && e.exit_code() == 2, "{e}");
+        }
+    }
+}
