@@ -1,6 +1,8 @@
 //! What is written is what independent readers read: GDAL (through rasterio), rio-cogeo and the `tiff` crate, for
 //! every layer, compression, size, georeference and flavour of TIFF.
 
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
 mod gdal;
 
 use std::fs;

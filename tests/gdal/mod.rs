@@ -10,9 +10,9 @@ use serde_json::Value;
 
 static PYTHON: LazyLock<PathBuf> = LazyLock::new(|| {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/venv.sh");
-    let output = Command::new(&script).stderr(Stdio::inherit()).output().unwrap();
+    let output = Command::new(&script).stderr(Stdio::inherit()).output().expect("bash starts");
     assert!(output.status.success(), "{} failed: {}", script.display(), output.status);
-    PathBuf::from(String::from_utf8(output.stdout).unwrap().trim())
+    PathBuf::from(String::from_utf8(output.stdout).expect("a path").trim())
 });
 
 /// Runs `tests/python/<script>` with `argument` as JSON on its standard input, and returns the JSON that it prints.
@@ -26,9 +26,10 @@ pub(crate) fn python(script: &str, argument: &Value) -> Value {
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
-        .unwrap();
-    serde_json::to_writer(child.stdin.take().unwrap(), argument).unwrap();
-    let output = child.wait_with_output().unwrap();
+        .expect("python starts");
+    let input = child.stdin.take().expect("a pipe");
+    serde_json::to_writer(input, argument).expect("the script reads");
+    let output = child.wait_with_output().expect("the script ends");
     assert!(output.status.success(), "{} failed: {}", script.display(), output.status);
-    serde_json::from_slice(&output.stdout).unwrap()
+    serde_json::from_slice(&output.stdout).expect("the script prints JSON")
 }
