@@ -11,6 +11,8 @@
 mod extent;
 mod partitions;
 mod pixel_size;
+#[cfg(test)]
+mod tests;
 mod tiles;
 
 pub use extent::{check_meeting, check_pixels, default_extent};
