@@ -16,6 +16,8 @@ use crate::geom::Size;
 use crate::input::photo::{JpegCoding, PhotoFormat, PhotoHeader, decode_photo};
 use crate::{Error, Result};
 
+/// How the names of unfinished store files begin.
+pub(super) const UNFINISHED_PREFIX: &str = ".unfinished-";
 /// Bytes hashed at the start, the middle and the end of a photo.
 const HASHED_BYTES: usize = 1 << 20;
 /// What encoder, decoder and file buffers take beside the strips, and a margin for the allocator.
@@ -221,7 +223,8 @@ impl<S: Sample> Builder<S> {
     fn new(shape: Shape, store: &Path) -> Result<Self> {
         let io = |e| Error::io(store, e);
         let folder = store.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let temp = tempfile::Builder::new().prefix(".photo-").tempfile_in(folder).map_err(io)?;
+        let temp =
+            tempfile::Builder::new().prefix(UNFINISHED_PREFIX).tempfile_in(folder).map_err(io)?;
         let mut file = BufWriter::with_capacity(1 << 18, temp);
         file.seek(SeekFrom::Start(shape.tiles_offset())).map_err(io)?;
         let tiles = usize::try_from(shape.tiles()).expect("at most 2^32 pixels in tiles of 2^16");

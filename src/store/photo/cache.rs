@@ -237,3 +237,79 @@ impl Shard {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn key(x: u32) -> Key {
+        Key::new(0, TileId { level: 0, x, y: 0 })
+    }
+
+    fn put(cache: &TileCache, x: u32) -> Arc<Tile> {
+        let fill = u8::try_from(x).unwrap();
+        cache.reserve(key(x), 100).keep(Tile::U8(vec![fill; 100]))
+    }
+
+    #[test]
+    fn the_tile_unused_for_longest_goes_first() {
+        let cache = TileCache::new(300);
+        for x in 0..3 {
+            put(&cache, x);
+        }
+        assert!(cache.get(key(0)).is_some());
+        put(&cache, 3);
+        let there: Vec<_> = (0..4).map(|x| cache.get(key(x)).is_some()).collect();
+        assert_eq!(there, [true, false, true, true]);
+        assert_eq!(cache.bytes(), (300, 300));
+    }
+
+    #[test]
+    fn a_buffer_is_used_again_unless_someone_still_reads_it() {
+        let cache = TileCache::new(200);
+        put(&cache, 0);
+        let read = put(&cache, 1);
+        assert_eq!(cache.reserve(key(2), 100).recycled(), Some(Tile::U8(vec![0; 100])));
+        put(&cache, 3);
+        assert_eq!(cache.reserve(key(4), 200).recycled(), None);
+        assert_eq!(*read, Tile::U8(vec![1; 100]));
+    }
+
+    #[test]
+    fn room_that_is_not_used_is_given_back() {
+        let cache = TileCache::new(100);
+        let first = cache.reserve(key(0), 100);
+        // No room beside it: the tile is handed out, but not kept.
+        let second = cache.reserve(key(1), 100).keep(Tile::U8(vec![1; 100]));
+        assert_eq!(*second, Tile::U8(vec![1; 100]));
+        assert!(cache.get(key(1)).is_none());
+        drop(first);
+        assert_eq!(cache.bytes(), (0, 100));
+        put(&cache, 1);
+        assert!(cache.get(key(1)).is_some());
+    }
+
+    #[test]
+    fn of_two_threads_that_decode_a_tile_the_first_one_s_stays() {
+        let cache = TileCache::new(1000);
+        let (first, second) = (cache.reserve(key(0), 100), cache.reserve(key(0), 100));
+        let kept = first.keep(Tile::U8(vec![5; 100]));
+        assert!(Arc::ptr_eq(&second.keep(Tile::U8(vec![5; 100])), &kept));
+        assert_eq!(cache.bytes(), (100, 200));
+    }
+
+    #[test]
+    fn keys_of_different_tiles_differ() {
+        let mut keys: Vec<_> = [0, 1, (1 << 24) - 1]
+            .into_iter()
+            .flat_map(|slot| [0, 1, 20].map(|level| (slot, level)))
+            .flat_map(|(slot, level)| [0, 1, 4095].map(|x| (slot, level, x)))
+            .flat_map(|(slot, level, x)| [0, 1, 4095].map(|y| (slot, TileId { level, x, y })))
+            .map(|(slot, tile)| Key::new(slot, tile).0)
+            .collect();
+        let count = keys.len();
+        keys.sort_unstable();
+        keys.dedup();
+        assert_eq!(keys.len(), count);
+    }
+}

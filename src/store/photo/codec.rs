@@ -257,3 +257,44 @@ fn join_rgb<S: Sample>(green: &[S], red: &[S], blue: &[S], row: &mut [S]) {
         pixel[2] = left[2].plus(left[0]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::Random;
+    use super::*;
+
+    fn round_trip<S: Sample + PartialEq + std::fmt::Debug>(sample: impl Fn(u64) -> S) {
+        let path = Path::new("t");
+        let mut encoder = Encoder::new(path).unwrap();
+        let mut decoder = Decoder::new().unwrap();
+        let mut random = Random(11);
+        for (width, height, channels) in [(256, 256, 3), (1, 1, 1), (7, 256, 3), (256, 3, 1)] {
+            let stride = (width + 5) * channels;
+            let rows: Vec<S> =
+                (0..stride * height).map(|_| sample(random.below(1 << 16))).collect();
+            // The view begins one pixel into the rows.
+            let samples = &rows[channels..];
+            let view = TileView { samples, stride, width, height, channels };
+            let stored = encoder.encode(view, path).unwrap().to_vec();
+            let mut tile = vec![S::default(); width * height * channels];
+            decoder.decode(&stored, width, channels, &mut tile).unwrap();
+            for (row, expected) in tile.chunks(width * channels).zip(samples.chunks(stride)) {
+                assert_eq!(row, &expected[..width * channels]);
+            }
+            assert!(decoder.decode(&stored, width, channels, &mut tile[1..]).is_err());
+        }
+    }
+
+    #[test]
+    fn a_tile_comes_back_as_it_was() {
+        round_trip(|v| u8::try_from(v & 255).unwrap());
+        round_trip(|v| u16::try_from(v).unwrap());
+    }
+
+    #[test]
+    fn means_round_half_up_and_do_not_overflow() {
+        assert_eq!([u8::mean(5, 2), u8::mean(6, 4), u8::mean(5, 4), u8::mean(9, 1)], [3, 2, 1, 9]);
+        assert_eq!([u8::mean(4 * 255, 4), u8::mean(2 * 255, 2)], [255; 2]);
+        assert_eq!(u16::mean(4 * 65535, 4), 65535);
+    }
+}

@@ -217,3 +217,84 @@ pub(super) fn tile_crc(ordinal: u64, stored: &[u8]) -> u32 {
 fn array<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     bytes[at..at + N].try_into().expect("a slice of N bytes")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header() -> Header {
+        let shape = Shape { size: Size::new(0x0102, 0x0304), channels: 3, bits: 16 };
+        let fingerprint = 0x1122_3344_5566_7788_99AA_BBCC_DDEE_FF00;
+        Header { shape, fingerprint, file_bytes: 0x0001_0203_0405, index_crc: 0xA1B2_C3D4 }
+    }
+
+    #[test]
+    fn the_header_lies_as_the_module_page_says() {
+        let page = include_str!("mod.rs");
+        let bytes = header().to_bytes();
+        let check = |row: &str, from: usize, expected: &[u8]| {
+            assert!(page.contains(row), "{row}");
+            assert_eq!(&bytes[from..from + expected.len()], expected, "{row}");
+        };
+        check("| 0–7 | `GRNDPHOT` |", 0, b"GRNDPHOT");
+        check("| 8–11 | version |", 8, &VERSION.to_le_bytes());
+        check("| 12–15 | side of a tile, 256 |", 12, &256_u32.to_le_bytes());
+        check("| 16–23 | width, height |", 16, &[2, 1, 0, 0, 4, 3, 0, 0]);
+        check("| 24–27 | channels, bits, levels, 0 |", 24, &[3, 16, 6, 0]);
+        // 2 × 4, 1 × 2 and four times 1.
+        check("| 28–31 | number of tiles |", 28, &[14, 0, 0, 0]);
+        check("| 32–47 | fingerprint of the photo |", 32, &header().fingerprint.to_le_bytes());
+        check("| 48–55 | length of the file |", 48, &[5, 4, 3, 2, 1, 0, 0, 0]);
+        check("| 56–59 | CRC-32 of the index |", 56, &[0xD4, 0xC3, 0xB2, 0xA1]);
+        check("| 60–63 | CRC-32 of bytes 0–59 |", 60, &crc32fast::hash(&bytes[..60]).to_le_bytes());
+        assert!(page.contains(&format!("File layout, version {VERSION}")));
+        assert!(page.contains("The header, 64 bytes:") && HEADER_BYTES == 64);
+        assert!(page.contains("16 bytes a tile: offset (8), length (4), CRC-32"));
+        let entry = Entry { offset: 1, length: 2, crc: 3 }.to_bytes();
+        assert_eq!(entry, [1, 0, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0]);
+    }
+
+    #[test]
+    fn a_header_reads_back_and_every_flipped_bit_is_found() {
+        let bytes = header().to_bytes();
+        let path = Path::new("a.tiles");
+        assert_eq!(Header::check(&bytes, path, header().file_bytes).unwrap(), header());
+        assert!(Header::check(&bytes, path, header().file_bytes + 1).is_err());
+        for bit in 0..8 * HEADER_BYTES {
+            let mut flipped = bytes;
+            flipped[bit / 8] ^= 1 << (bit % 8);
+            assert!(Header::check(&flipped, path, header().file_bytes).is_err(), "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn a_header_with_a_right_checksum_but_an_impossible_shape_is_refused() {
+        for (at, value) in [(12, 128), (16, 0), (24, 2), (25, 12), (26, 9), (28, 1), (8, 2)] {
+            let mut bytes = header().to_bytes();
+            bytes[at] = value;
+            bytes[17] = if at == 16 { 0 } else { bytes[17] };
+            let crc = crc32fast::hash(&bytes[..60]);
+            bytes[60..].copy_from_slice(&crc.to_le_bytes());
+            assert!(Header::check(&bytes, Path::new("a"), header().file_bytes).is_err(), "{at}");
+        }
+    }
+
+    #[test]
+    fn tiles_are_numbered_without_a_gap() {
+        let shape = Shape { size: Size::new(1300, 700), channels: 1, bits: 8 };
+        let mut next = 0;
+        let mut pixels = 0;
+        for level in 0..shape.levels() {
+            let tiles = shape.level_tiles(level);
+            for (y, x) in (0..tiles.height).flat_map(|y| (0..tiles.width).map(move |x| (y, x))) {
+                let tile = TileId { level, x, y };
+                assert_eq!(shape.ordinal(tile), next);
+                pixels += shape.tile_samples(tile) as u64;
+                next += 1;
+            }
+        }
+        assert_eq!(next, shape.tiles());
+        let all: u64 = (0..shape.levels()).map(|l| shape.level_size(l).area()).sum();
+        assert_eq!(pixels, all);
+    }
+}

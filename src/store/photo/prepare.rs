@@ -1,12 +1,13 @@
 //! [`prepare_photos`]: the store files of all photos of a job, built in parallel within a budget of memory.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 
 use xxhash_rust::xxh3::xxh3_128;
 
-use super::build::{PhotoFingerprint, PhotoTiles, working_bytes};
+use super::build::{PhotoFingerprint, PhotoTiles, UNFINISHED_PREFIX, working_bytes};
 use crate::geom::Size;
 use crate::input::photo::{PhotoHeader, read_photo_header};
 use crate::{Error, Result};
@@ -57,7 +58,8 @@ type Outcome = std::result::Result<PhotoTiles, LeftOut>;
 /// Makes the store file of every photo, or opens it where it is there and matches the photo.
 ///
 /// The outcomes are in the order of `sources`. A photo that is missing, broken, unsupported or of another size than
-/// expected is left out, with the reason. `progress` is called from several threads, once a photo.
+/// expected is left out, with the reason. `progress` is called from several threads, once a photo. A lock on the
+/// folder keeps other processes waiting meanwhile.
 ///
 /// Steps: 1. in parallel, each header is read and each store file that matches is opened; 2. if one of the others
 /// needs more than the budget, nothing is begun; 3. in parallel, these are built.
@@ -72,6 +74,8 @@ pub fn prepare_photos(
 ) -> Result<Vec<Outcome>> {
     let folder = preparation.folder;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let _lock = lock(folder)?;
+    remove_leftovers(folder)?;
     let done = AtomicUsize::new(0);
     let report = || {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -111,6 +115,27 @@ pub fn prepare_photos(
     }
     // None is left empty: a photo is known or was built.
     Ok(outcomes.into_iter().flatten().collect())
+}
+
+/// Waits until no other process prepares photos in this folder, and keeps others waiting until it is dropped.
+fn lock(folder: &Path) -> Result<File> {
+    let path = folder.join("photos.lock");
+    let io = |e| Error::io(&path, e);
+    let file = File::options().create(true).append(true).open(&path).map_err(io)?;
+    file.lock().map_err(io)?;
+    Ok(file)
+}
+
+/// Deletes unfinished store files of runs that were killed; the folder is locked.
+fn remove_leftovers(folder: &Path) -> Result<()> {
+    let io = |e| Error::io(folder, e);
+    for entry in std::fs::read_dir(folder).map_err(io)? {
+        let entry = entry.map_err(io)?;
+        if entry.file_name().as_encoded_bytes().starts_with(UNFINISHED_PREFIX.as_bytes()) {
+            std::fs::remove_file(entry.path()).map_err(|e| Error::io(entry.path(), e))?;
+        }
+    }
+    Ok(())
 }
 
 /// What is known of a photo before any is decoded.
@@ -272,4 +297,184 @@ fn in_parallel<T: Send>(
     }
     results.sort_unstable_by_key(|(index, _)| *index);
     Ok(results.into_iter().map(|(_, result)| result).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use image::ExtendedColorType;
+
+    use super::super::PhotoStore;
+    use super::super::tests::write_photo;
+    use super::*;
+
+    fn source(folder: &Path, name: &str, expected: Option<Size>) -> PhotoSource {
+        PhotoSource { name: name.to_string(), path: folder.join(name), expected }
+    }
+
+    fn prepare(sources: &[PhotoSource], folder: &Path) -> Result<Vec<Outcome>> {
+        let folder = folder.join("store");
+        let preparation = Preparation { folder: &folder, budget_bytes: 1 << 30, threads: 3 };
+        prepare_photos(sources, &preparation, &|_| {})
+    }
+
+    #[test]
+    fn each_photo_is_ready_or_left_out_with_its_reason_in_the_order_given() {
+        let folder = tempfile::tempdir().unwrap();
+        let size = Size::new(120, 90);
+        for name in ["a.jpg", "sub folder/a.jpg", "b.png", "broken.png", "small.jpg"] {
+            std::fs::create_dir_all(folder.path().join(name).parent().unwrap()).unwrap();
+            write_photo(&folder.path().join(name), size, ExtendedColorType::Rgb8);
+        }
+        let broken = folder.path().join("broken.png");
+        let bytes = std::fs::read(&broken).unwrap();
+        std::fs::write(&broken, &bytes[..bytes.len() / 2]).unwrap();
+        std::fs::write(folder.path().join("c.tif"), b"II*\0..............").unwrap();
+        let sources = [
+            source(folder.path(), "a.jpg", Some(size)),
+            source(folder.path(), "missing.jpg", None),
+            source(folder.path(), "sub folder/a.jpg", None),
+            source(folder.path(), "broken.png", Some(size)),
+            source(folder.path(), "c.tif", None),
+            source(folder.path(), "small.jpg", Some(Size::new(240, 180))),
+            source(folder.path(), "b.png", Some(size)),
+        ];
+        let outcomes = prepare(&sources, folder.path()).unwrap();
+        let messages: Vec<_> = outcomes
+            .iter()
+            .map(|outcome| outcome.as_ref().err().map(|left_out| left_out.reason.to_string()))
+            .collect();
+        let is_ready: Vec<_> = messages.iter().map(Option::is_none).collect();
+        assert_eq!(is_ready, [true, false, true, false, false, false, true], "{messages:?}");
+        let mentions = |number: usize, text: &str| {
+            let message = messages[number].clone().unwrap_or_default();
+            assert!(message.contains(text), "{message}");
+            assert!(message.contains(&sources[number].name), "{message}");
+        };
+        mentions(1, "No such file");
+        mentions(3, "a whole picture");
+        mentions(4, "not supported");
+        mentions(5, "expected 240 × 180 pixels, as its camera says, found 120 × 90 pixels");
+        let sizes = outcomes[5].as_ref().unwrap_err().sizes;
+        assert_eq!(sizes, Some((Size::new(240, 180), size)));
+        // Three stores and the lock, nothing else.
+        let files = std::fs::read_dir(folder.path().join("store")).unwrap().count();
+        assert_eq!(files, 4);
+    }
+
+    #[test]
+    fn a_store_is_used_again_while_it_matches_and_made_again_when_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let photo = folder.path().join("a.png");
+        write_photo(&photo, Size::new(300, 40), ExtendedColorType::L8);
+        let sources = [source(folder.path(), "a.png", None)];
+        let first = prepare(&sources, folder.path()).unwrap().remove(0).unwrap();
+        let written = std::fs::read(first.path()).unwrap();
+
+        // Marked where only a reader of tiles looks: if it is still there, the file was not made again.
+        let mut marked = written.clone();
+        *marked.last_mut().unwrap() ^= 1;
+        std::fs::write(first.path(), &marked).unwrap();
+        assert_eq!(prepare(&sources, folder.path()).unwrap().remove(0).unwrap(), first);
+        assert_eq!(std::fs::read(first.path()).unwrap(), marked);
+
+        // Damaged in header or index, cut, or foreign: made again, to the same bytes.
+        let mut damaged = Vec::new();
+        for at in [0, 9, 20, 40, 70, 120] {
+            let mut bytes = written.clone();
+            bytes[at] ^= 4;
+            damaged.push(bytes);
+        }
+        damaged.extend([written[..written.len() - 1].to_vec(), Vec::new(), b"else".to_vec()]);
+        for bytes in damaged {
+            std::fs::write(first.path(), bytes).unwrap();
+            assert_eq!(prepare(&sources, folder.path()).unwrap().remove(0).unwrap(), first);
+            assert_eq!(std::fs::read(first.path()).unwrap(), written);
+        }
+
+        // Another photo under the same name: made again, with its pixels.
+        write_photo(&photo, Size::new(30, 40), ExtendedColorType::L8);
+        let second = prepare(&sources, folder.path()).unwrap().remove(0).unwrap();
+        assert_eq!((second.path(), second.size()), (first.path(), Size::new(30, 40)));
+        assert!(second.fingerprint() != first.fingerprint());
+        PhotoStore::open([(0, second.path().to_path_buf())], 0).unwrap();
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = folder.path().join("store");
+        std::fs::create_dir(&store).unwrap();
+        std::fs::write(store.join(".unfinished-Ab3"), "half").unwrap();
+        write_photo(&folder.path().join("a.png"), Size::new(30, 40), ExtendedColorType::L8);
+        prepare(&[source(folder.path(), "a.png", None)], folder.path()).unwrap();
+        assert!(!store.join(".unfinished-Ab3").exists());
+    }
+
+    #[test]
+    fn a_photo_beyond_the_budget_is_refused_before_anything_is_built() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, width) in [("a.jpg", 100), ("b.jpg", 3000)] {
+            let path = folder.path().join(name);
+            write_photo(&path, Size::new(width, 1000), ExtendedColorType::Rgb8);
+        }
+        let sources = ["a.jpg", "b.jpg"].map(|name| source(folder.path(), name, None));
+        let header = read_photo_header(&sources[1].path).unwrap();
+        let store = folder.path().join("store");
+        let with = |budget_bytes| {
+            let preparation = Preparation { folder: &store, budget_bytes, threads: 2 };
+            prepare_photos(&sources, &preparation, &|_| {})
+        };
+        let e = with(working_bytes(&header) - 1).unwrap_err();
+        assert_eq!(e.exit_code(), 3);
+        assert!(e.to_string().contains("b.jpg"), "{e}");
+        assert_eq!(std::fs::read_dir(&store).unwrap().count(), 1, "the lock alone");
+        assert!(with(working_bytes(&header)).unwrap().iter().all(std::result::Result::is_ok));
+        // Once built, a photo needs no memory to be decoded.
+        assert!(with(1).is_ok());
+    }
+
+    #[test]
+    fn progress_counts_every_photo_once() {
+        let folder = tempfile::tempdir().unwrap();
+        write_photo(&folder.path().join("a.png"), Size::new(30, 40), ExtendedColorType::L8);
+        let sources = ["a.png", "none.png", "a.png"].map(|name| source(folder.path(), name, None));
+        let seen = Mutex::new(Vec::new());
+        let preparation =
+            Preparation { folder: &folder.path().join("s"), budget_bytes: 1 << 30, threads: 2 };
+        prepare_photos(&sources, &preparation, &|p| seen.lock().unwrap().push((p.done, p.total)))
+            .unwrap();
+        let mut seen = seen.into_inner().unwrap();
+        seen.sort_unstable();
+        assert_eq!(seen, [(1, 3), (2, 3), (3, 3)]);
+    }
+
+    #[test]
+    fn work_in_progress_stays_in_the_budget_and_results_in_order() {
+        let needs: Vec<u64> = (0..60).map(|i| 1 + i * 7 % 10).collect();
+        let budget = Budget { bytes: 12, needs: needs.clone() };
+        let used = Mutex::new((0, 0));
+        let results = in_parallel(60, 4, &budget, |i| {
+            let mut now = used.lock().unwrap();
+            now.0 += needs[i];
+            now.1 = now.1.max(now.0);
+            drop(now);
+            std::thread::sleep(std::time::Duration::from_micros(300));
+            used.lock().unwrap().0 -= needs[i];
+            Ok(i)
+        });
+        assert_eq!(results.unwrap(), (0..60).collect::<Vec<_>>());
+        let peak = used.into_inner().unwrap().1;
+        assert!((10..=12).contains(&peak), "{peak}");
+    }
+
+    #[test]
+    fn after_a_failure_nothing_further_is_begun() {
+        let begun = AtomicUsize::new(0);
+        let failed = in_parallel(1000, 2, &Budget::unlimited(), |i| {
+            begun.fetch_add(1, Ordering::Relaxed);
+            if i == 3 { Err(Error::usage("stop")) } else { Ok(()) }
+        });
+        assert!(matches!(failed, Err(Error::Usage(_))));
+        assert!(begun.into_inner() < 1000);
+    }
 }
