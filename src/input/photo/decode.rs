@@ -62,6 +62,8 @@ fn decode_jpeg(path: &Path, header: &PhotoHeader, sink: Sink<'_>) -> Result<()> 
     if samples.len() as u64 != header.decoded_bytes() {
         return Err(changed(path, header.size, format!("{} samples", samples.len())));
     }
+    drop(decoder);
+    drop(bytes);
     sink(Rows::U8(&samples))
 }
 

@@ -124,6 +124,16 @@ impl PhotoTiles {
         Self::open(store)
     }
 
+    /// Opens the file again, if it is still the same one.
+    pub(super) fn open_again(&self) -> Result<PositionedFile> {
+        let (file, header) = open_header(&self.path)?;
+        if (header.shape, header.fingerprint) != (self.shape, self.fingerprint.0) {
+            let place = "bytes 12 to 47";
+            return Err(Error::corrupt(&self.path, place, "the photo of the job", "another one"));
+        }
+        Ok(file)
+    }
+
     /// The store file.
     pub fn path(&self) -> &Path {
         &self.path

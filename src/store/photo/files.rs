@@ -5,6 +5,8 @@ use std::io;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use crate::Result;
+
 /// Most store files kept open; opening one takes some microseconds, decoding a tile some hundred.
 const MAX_OPEN: usize = 64;
 
@@ -50,16 +52,26 @@ pub(super) struct OpenFiles {
 }
 
 impl OpenFiles {
-    /// The file of this number, opened at `path` unless it is open.
-    pub(super) fn get(&self, number: usize, path: &Path) -> io::Result<Arc<PositionedFile>> {
+    /// The file of this number, from `open` unless it is open.
+    pub(super) fn get(
+        &self,
+        number: usize,
+        open: impl FnOnce() -> Result<PositionedFile>,
+    ) -> Result<Arc<PositionedFile>> {
         if let Some(file) = self.find(number) {
             return Ok(file);
         }
-        let file = Arc::new(PositionedFile::open(path)?.0);
+        let file = Arc::new(open()?);
         let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
         recent.truncate(MAX_OPEN - 1);
         recent.insert(0, (number, Arc::clone(&file)));
         Ok(file)
+    }
+
+    /// Number of open files.
+    #[cfg(test)]
+    pub(super) fn len(&self) -> usize {
+        self.recent.lock().unwrap_or_else(PoisonError::into_inner).len()
     }
 
     fn find(&self, number: usize) -> Option<Arc<PositionedFile>> {

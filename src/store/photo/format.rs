@@ -48,7 +48,8 @@ impl Shape {
 
     /// Size of a level in pixels.
     pub(super) fn level_size(&self, level: u32) -> Size {
-        (0..level).fold(self.size, |size, _| size.halved())
+        // 32 halvings make one pixel of any size.
+        (0..level.min(32)).fold(self.size, |size, _| size.halved())
     }
 
     /// Columns and rows of tiles of a level.

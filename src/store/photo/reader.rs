@@ -28,7 +28,7 @@ const MAX_PHOTOS: u64 = 1 << 24;
 pub struct PhotoStore {
     /// By photo number; `None` where there is no photo.
     photos: Vec<Option<PhotoTiles>>,
-    files: OpenFiles,
+    pub(super) files: OpenFiles,
     cache: TileCache,
     /// Buffers for reading and decoding, as many as threads have read at the same time.
     scratch: Mutex<Vec<Scratch>>,
@@ -301,7 +301,7 @@ impl PhotoStore {
             ErrorKind::UnexpectedEof => corrupt("its bytes", "the end of the file".to_string()),
             _ => Error::io(path, e),
         };
-        let file = self.files.get(photo, path).map_err(|e| Error::io(path, e))?;
+        let file = self.files.get(photo, || tiles.open_again())?;
         let mut bytes = [0; ENTRY_BYTES];
         file.read_exact_at(&mut bytes, entry_offset(ordinal)).map_err(read_error)?;
         let entry = Entry::from_bytes(&bytes);

@@ -265,6 +265,33 @@ fn a_file_cut_while_the_store_is_open_is_an_error() {
 }
 
 #[test]
+fn a_store_file_replaced_while_the_store_is_open_is_an_error() {
+    let (folder, path, _) = small_store();
+    let store = PhotoStore::open([(0, path.clone())], 1 << 20).unwrap();
+    // The same shape, other pixels.
+    let other = folder.path().join("b.png");
+    image::save_buffer(&other, &[7; 300 * 40], 300, 40, image::ExtendedColorType::L8).unwrap();
+    std::fs::rename(build(&other).unwrap().path(), &path).unwrap();
+    let e = store.window(0, 0, PixelRect::new(0, 0, 9, 9)).unwrap_err();
+    assert!(e.to_string().contains("expected the photo of the job, found another one"), "{e}");
+}
+
+#[test]
+fn more_photos_than_files_are_kept_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = folder.path().join("a.png");
+    write_photo(&photo, Size::new(40, 30), image::ExtendedColorType::L8);
+    let path = build(&photo).unwrap().path().to_path_buf();
+    let store = PhotoStore::open((0..150).map(|i| (i, path.clone())), 0).unwrap();
+    let naive = Naive::decode(&photo);
+    for number in [0, 149, 3, 0].into_iter().chain(0..150) {
+        naive.assert_equals(&store.window(number, 0, PixelRect::new(2, 2, 9, 9)).unwrap());
+        assert!(store.files.len() <= 64);
+    }
+    assert_eq!(store.files.len(), 64);
+}
+
+#[test]
 fn a_photo_that_breaks_half_way_leaves_no_store_and_no_rest() {
     let folder = tempfile::tempdir().unwrap();
     let photo = folder.path().join("a.png");
