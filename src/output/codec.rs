@@ -11,8 +11,9 @@ use crate::{Error, Result};
 
 /// Level of Deflate: zlib's own default, and GDAL's.
 const DEFLATE_LEVEL: u32 = 6;
-/// Level of Zstandard: GDAL's default.
-const ZSTD_LEVEL: i32 = 9;
+/// Level of Zstandard. On four RGB + alpha tiles of 512 × 512 from a façade photo it makes 2.67 : 1 at 1.5 × the speed
+/// of Deflate at level 6, which makes 2.60 : 1; level 9, GDAL's default, 2.71 : 1 at 0.9 ×.
+const ZSTD_LEVEL: i32 = 6;
 
 /// How tiles are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
