@@ -1,0 +1,321 @@
+//! [`Oracle`]: brute-force answers in f64, by arithmetic that shares nothing with the engine.
+//!
+//! In: a mesh as a list of corners with face ids, a plane frame, photos. Out: what a mosaic pixel shows, and
+//! whether a photo sees it, by the definitions alone: every triangle is tried (Möller & Trumbore 1997, "Fast,
+//! minimum storage ray/triangle intersection", doi:10.1080/10867651.1997.10487468), with no tree and no buffer.
+//!
+//! Each answer tells whether it is *clear*: whether it would be the same if every point were moved by up to the
+//! slack. On rays along edges, two right programs may differ within rounding; there [`Oracle::accepts`] takes
+//! every answer that is right within the slack, and no other.
+
+use glam::{DVec2, DVec3};
+
+use super::PlaneSpec;
+use crate::camera::Photo;
+use crate::geom::FaceId;
+
+/// Brute-force answers for one mesh and one plane frame; see the module's page.
+#[derive(Debug, Clone)]
+pub struct Oracle {
+    /// Corners relative to the frame's origin, exact to the last place whatever the size of ground coordinates.
+    triangles: Vec<[DVec3; 3]>,
+    ids: Vec<FaceId>,
+    frame: PlaneSpec,
+    slack_m: f64,
+}
+
+/// A face that a mosaic pixel's line of sight meets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sight {
+    /// Elevation of the point, metres.
+    pub elevation: f64,
+    /// The face.
+    pub face: FaceId,
+    /// Ordinal of the triangle in the oracle's list.
+    pub triangle: usize,
+}
+
+/// Whether a photo sees a point, and how sure that is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Verdict {
+    /// What decides.
+    pub outcome: Outcome,
+    /// Whether a yes stays a yes, and a no a no, if every point moves by up to the slack. Seldom false though it
+    /// is so; never true where it is not.
+    pub clear: bool,
+}
+
+/// What decides whether a photo sees a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Outcome {
+    /// The photo sees it at this position, pixels.
+    Seen(DVec2),
+    /// It lies beside or behind the perspective centre.
+    Behind,
+    /// Its ray lies beyond the lens model's valid radius.
+    BeyondRadius,
+    /// It falls outside the frame.
+    OutOfFrame,
+    /// The perspective centre is on the other side of its face than the mosaic's viewer.
+    WrongSide,
+    /// This face stands in the way.
+    Occluded(FaceId),
+}
+
+impl Outcome {
+    /// Whether the photo sees the point.
+    pub fn is_seen(self) -> bool {
+        matches!(self, Self::Seen(_))
+    }
+}
+
+/// Where a line meets a triangle's plane.
+#[derive(Debug, Clone, Copy)]
+struct Meeting {
+    /// Distance along the line's direction.
+    t: f64,
+    /// Distance inside the triangle from the nearest edge, across the line; negative outside. Metres.
+    margin: f64,
+    /// How much `t` may change if the points move by the slack.
+    t_slack: f64,
+}
+
+impl Oracle {
+    /// An oracle over `triangles` (ground frame, metres), of which `ids` names the faces.
+    ///
+    /// `slack_m` says how far points may be moved by the rounding of a right program; 1e-7 serves a façade.
+    ///
+    /// # Panics
+    /// If there is not one id for each triangle.
+    pub fn new(
+        triangles: &[[DVec3; 3]],
+        ids: &[FaceId],
+        frame: PlaneSpec,
+        slack_m: f64,
+    ) -> Self {
+        assert_eq!(triangles.len(), ids.len(), "one id a triangle");
+        let triangles = triangles.iter().map(|t| t.map(|p| p - frame.origin)).collect();
+        Self { triangles, ids: ids.to_vec(), frame, slack_m }
+    }
+
+    /// The frame.
+    pub fn frame(&self) -> &PlaneSpec {
+        &self.frame
+    }
+
+    /// The point at `elevation` over the centre of a mosaic pixel, ground frame, metres.
+    pub fn ground(&self, [column, row]: [u32; 2], elevation: f64) -> DVec3 {
+        self.frame.origin + self.relative([column, row], elevation)
+    }
+
+    /// What a mosaic pixel shows: of the triangles (closed, that is edges included) over its centre and within
+    /// the slab, the one of greatest elevation; of equals, the one of lowest id. `None` if there is none.
+    pub fn surface(&self, pixel: [u32; 2]) -> Option<Sight> {
+        let [low, high] = self.frame.slab();
+        let mut best: Option<Sight> = None;
+        for (triangle, meeting) in self.over(pixel) {
+            if meeting.margin < 0.0 || meeting.t < low || meeting.t > high {
+                continue;
+            }
+            let sight = Sight { elevation: meeting.t, face: self.ids[triangle], triangle };
+            let wins = best.is_none_or(|b| {
+                sight.elevation > b.elevation
+                    || (sight.elevation.total_cmp(&b.elevation).is_eq() && sight.face < b.face)
+            });
+            if wins {
+                best = Some(sight);
+            }
+        }
+        best
+    }
+
+    /// Whether `claim`, an elevation and a face or nothing, is right for a pixel within the slack.
+    ///
+    /// Right is: the face may hold the pixel's centre, its elevation there is the claimed one within
+    /// `tolerance_m`, and no face that surely holds the centre is surely nearer the viewer. Of faces with the same
+    /// three corners only the lowest id is right. Nothing is right where no face surely holds the centre.
+    pub fn accepts(
+        &self,
+        pixel: [u32; 2],
+        claim: Option<(f64, FaceId)>,
+        tolerance_m: f64,
+    ) -> bool {
+        let [low, high] = self.frame.slab();
+        // The lowest elevation that is still possible for the nearest face.
+        let sure = self.over(pixel).filter(|(_, m)| {
+            m.margin > self.slack_m && m.t - m.t_slack > low && m.t + m.t_slack < high
+        });
+        let floor = sure.map(|(_, m)| m.t - m.t_slack).fold(f64::NEG_INFINITY, f64::max);
+        let Some((elevation, face)) = claim else {
+            return floor.is_infinite();
+        };
+        self.over(pixel).filter(|&(k, _)| self.ids[k] == face).any(|(k, m)| {
+            m.margin > -self.slack_m
+                && (m.t - elevation).abs() <= tolerance_m + m.t_slack
+                && m.t + m.t_slack >= floor
+                && m.t + m.t_slack >= low
+                && m.t - m.t_slack <= high
+                && !self.has_earlier_twin(k)
+        })
+    }
+
+    /// Whether a photo sees the point at `sight.elevation` over a mosaic pixel, by DESIGN's rule: in front, within
+    /// the valid radius, within the frame, the centre on the viewer's side of the face, and no other face before
+    /// `distance − tolerance_m` from the centre.
+    pub fn sees(
+        &self,
+        photo: &Photo,
+        pixel: [u32; 2],
+        sight: &Sight,
+        tolerance_m: f64,
+    ) -> Verdict {
+        let point = self.relative(pixel, sight.elevation);
+        let centre = photo.pose.centre_ground - self.frame.origin;
+        let in_frame = self.in_frame(photo, point - centre);
+        let Outcome::Seen(_) = in_frame.outcome else {
+            return in_frame;
+        };
+        // The same side of the face as the viewer, who is infinitely far along n.
+        let [a, b, c] = self.triangles[sight.triangle];
+        let normal = (b - a).cross(c - a).normalize();
+        let towards = normal * normal.dot(self.frame.n()).signum();
+        let height = towards.dot(centre - a);
+        // A turn of the normal by the slack over the face's own size moves the plane at the centre.
+        let size = (b - a).length().min((c - b).length()).min((a - c).length());
+        let side_clear = height.abs() > self.slack_m * (1.0 + (centre - a).length() / size);
+        if height <= 0.0 {
+            return Verdict { outcome: Outcome::WrongSide, clear: side_clear };
+        }
+        let clear = in_frame.clear && side_clear;
+        match self.occluder([centre, point], sight.face, tolerance_m) {
+            Some((face, surely)) => Verdict { outcome: Outcome::Occluded(face), clear: surely },
+            None => {
+                let doubt = self.may_be_occluded([centre, point], sight.face, tolerance_m);
+                Verdict { outcome: in_frame.outcome, clear: clear && !doubt }
+            }
+        }
+    }
+
+    /// All triangles whose plane the line of sight of a pixel meets, with the elevation there.
+    fn over(&self, pixel: [u32; 2]) -> impl Iterator<Item = (usize, Meeting)> + '_ {
+        let (from, along) = (self.relative(pixel, 0.0), self.frame.n());
+        self.triangles.iter().enumerate().filter_map(move |(k, triangle)| {
+            let mut meeting = meet(from, along, triangle, self.slack_m)?;
+            // Within the vertices' range: an almost edge-on face must not shoot beyond itself.
+            let heights = triangle.map(|p| p.dot(along));
+            let (low, high) = (heights[0].min(heights[1]).min(heights[2]), heights[0].max(heights[1]).max(heights[2]));
+            meeting.t = meeting.t.clamp(low, high);
+            meeting.t_slack = meeting.t_slack.min(high - low + self.slack_m);
+            Some((k, meeting))
+        })
+    }
+
+    /// A point relative to the frame's origin.
+    fn relative(&self, [column, row]: [u32; 2], elevation: f64) -> DVec3 {
+        let at = self.frame.plane_from_pixel(DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5));
+        self.frame.u_axis * at.x + self.frame.v_axis * at.y + self.frame.n() * elevation
+    }
+
+    /// Whether another triangle with the same corners, in any order, has a lower id.
+    fn has_earlier_twin(&self, k: usize) -> bool {
+        let sorted = |t: &[DVec3; 3]| {
+            let mut corners = t.map(|p| (p + 0.0).to_array().map(f64::to_bits));
+            corners.sort_unstable();
+            corners
+        };
+        let own = sorted(&self.triangles[k]);
+        let earlier = |(t, id): (&[DVec3; 3], &FaceId)| *id < self.ids[k] && sorted(t) == own;
+        self.triangles.iter().zip(&self.ids).any(earlier)
+    }
+
+    /// The tests that look at the photo alone; `offset` is the point less the perspective centre.
+    fn in_frame(&self, photo: &Photo, offset: DVec3) -> Verdict {
+        let camera = photo.pose.rotation * offset;
+        if camera.z <= 0.0 {
+            return Verdict { outcome: Outcome::Behind, clear: camera.z < -self.slack_m };
+        }
+        let ray = camera.truncate() / camera.z;
+        let ray_slack = self.slack_m / camera.z * (1.0 + ray.length());
+        let front_clear = camera.z > self.slack_m;
+        let radius_room = photo.lens.valid_radius() - ray.length();
+        let Some(position) = photo.lens.photo_from_ray(ray) else {
+            let clear = front_clear && radius_room < -ray_slack;
+            return Verdict { outcome: Outcome::BeyondRadius, clear };
+        };
+        let size = photo.lens.size();
+        let extent = DVec2::new(f64::from(size.width), f64::from(size.height));
+        let room = position.min(extent - position).min_element();
+        // No lens magnifies a ray's change by more than a few times its focal length.
+        let clear = front_clear
+            && radius_room > ray_slack
+            && room.abs() > 4.0 * ray_slack * photo.lens.focal_px().max_element();
+        let inside = photo.lens.contains(position);
+        Verdict { outcome: if inside { Outcome::Seen(position) } else { Outcome::OutOfFrame }, clear }
+    }
+
+    /// A face that cuts the segment, a sure one if there is any, and whether it is sure.
+    fn occluder(
+        &self,
+        segment: [DVec3; 2],
+        own: FaceId,
+        tolerance_m: f64,
+    ) -> Option<(FaceId, bool)> {
+        let mut found = None;
+        for (k, meeting, room) in self.on_segment(segment, own, tolerance_m) {
+            if meeting.margin < 0.0 || room <= 0.0 {
+                continue;
+            }
+            if meeting.margin > self.slack_m && room > meeting.t_slack {
+                return Some((self.ids[k], true));
+            }
+            found = Some((self.ids[k], false));
+        }
+        found
+    }
+
+    /// Whether a face fails to cut the segment by no more than the slack.
+    fn may_be_occluded(&self, segment: [DVec3; 2], own: FaceId, tolerance_m: f64) -> bool {
+        self.on_segment(segment, own, tolerance_m)
+            .any(|(_, m, room)| m.margin > -self.slack_m && room > -m.t_slack)
+    }
+
+    /// The other faces' meetings with a segment's line, and how far inside the segment each is.
+    fn on_segment(
+        &self,
+        [from, to]: [DVec3; 2],
+        own: FaceId,
+        tolerance_m: f64,
+    ) -> impl Iterator<Item = (usize, Meeting, f64)> + '_ {
+        let length = (to - from).length();
+        let along = (to - from) / length;
+        let others = self.triangles.iter().enumerate().filter(move |&(k, _)| self.ids[k] != own);
+        others.filter_map(move |(k, triangle)| {
+            let meeting = meet(from, along, triangle, self.slack_m)?;
+            Some((k, meeting, meeting.t.min(length - tolerance_m - meeting.t)))
+        })
+    }
+}
+
+/// Where the line `from + t · along` (a unit vector) meets a triangle's plane; `None` if it is parallel to it.
+fn meet(from: DVec3, along: DVec3, [a, b, c]: &[DVec3; 3], slack_m: f64) -> Option<Meeting> {
+    let (e1, e2) = (b - a, c - a);
+    let p = along.cross(e2);
+    // Twice the area as seen along the line.
+    let det = e1.dot(p);
+    if det == 0.0 {
+        return None;
+    }
+    let s = from - a;
+    let q = s.cross(e1);
+    let (v, w) = (s.dot(p) / det, along.dot(q) / det);
+    let weights = [1.0 - v - w, v, w];
+    let edges = [c - b, e2, e1];
+    // A weight times the triangle's height over that edge, both as seen along the line.
+    let margin = |k: usize| weights[k] * det.abs() / edges[k].cross(along).length();
+    let slope = e1.cross(e2).length() / det.abs();
+    Some(Meeting {
+        t: e2.dot(q) / det,
+        margin: margin(0).min(margin(1)).min(margin(2)),
+        t_slack: slack_m * (1.0 + slope),
+    })
+}
