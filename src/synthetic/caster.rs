@@ -285,8 +285,10 @@ mod tests {
             let p = |x: f64, y: f64| DVec3::new(x, y, z);
             [[p(0.0, 0.0), p(1.0, 0.0), p(1.0, 1.0)], [p(0.0, 0.0), p(1.0, 1.0), p(0.0, 1.0)]]
         };
-        let triangles: Vec<_> =
-            [0.0, -1.0, -2.0, -3.0].iter().flat_map(|&z| quad(z).map(|t| (t, Part::Wall))).collect();
+        let triangles: Vec<_> = [0.0, -1.0, -2.0, -3.0]
+            .iter()
+            .flat_map(|&z| quad(z).map(|t| (t, Part::Wall)))
+            .collect();
         let caster = Caster::new(&triangles, Placement::IDENTITY, Texture::new(0.02));
         for (x, y) in [(0.0, 0.0), (1.0, 0.5), (0.5, 0.5), (1.0, 1.0), (0.25, 0.0)] {
             let hit = caster.cast(DVec3::new(x, y, 5.0), DVec3::NEG_Z, None).unwrap();

@@ -87,12 +87,7 @@ impl Oracle {
     ///
     /// # Panics
     /// If there is not one id for each triangle.
-    pub fn new(
-        triangles: &[[DVec3; 3]],
-        ids: &[FaceId],
-        frame: PlaneSpec,
-        slack_m: f64,
-    ) -> Self {
+    pub fn new(triangles: &[[DVec3; 3]], ids: &[FaceId], frame: PlaneSpec, slack_m: f64) -> Self {
         assert_eq!(triangles.len(), ids.len(), "one id a triangle");
         let triangles = triangles.iter().map(|t| t.map(|p| p - frame.origin)).collect();
         Self { triangles, ids: ids.to_vec(), frame, slack_m }
@@ -134,12 +129,7 @@ impl Oracle {
     /// Right is: the face may hold the pixel's centre, its elevation there is the claimed one within
     /// `tolerance_m`, and no face that surely holds the centre is surely nearer the viewer. Of faces with the same
     /// three corners only the lowest id is right. Nothing is right where no face surely holds the centre.
-    pub fn accepts(
-        &self,
-        pixel: [u32; 2],
-        claim: Option<(f64, FaceId)>,
-        tolerance_m: f64,
-    ) -> bool {
+    pub fn accepts(&self, pixel: [u32; 2], claim: Option<(f64, FaceId)>, tolerance_m: f64) -> bool {
         let [low, high] = self.frame.slab();
         // The lowest elevation that is still possible for the nearest face.
         let sure = self.over(pixel).filter(|(_, m)| {
@@ -162,13 +152,7 @@ impl Oracle {
     /// Whether a photo sees the point at `sight.elevation` over a mosaic pixel, by DESIGN's rule: in front, within
     /// the valid radius, within the frame, the centre on the viewer's side of the face, and no other face before
     /// `distance − tolerance_m` from the centre.
-    pub fn sees(
-        &self,
-        photo: &Photo,
-        pixel: [u32; 2],
-        sight: &Sight,
-        tolerance_m: f64,
-    ) -> Verdict {
+    pub fn sees(&self, photo: &Photo, pixel: [u32; 2], sight: &Sight, tolerance_m: f64) -> Verdict {
         let point = self.relative(pixel, sight.elevation);
         let centre = photo.pose.centre_ground - self.frame.origin;
         let in_frame = self.in_frame(photo, point - centre);
@@ -203,7 +187,10 @@ impl Oracle {
             let mut meeting = meet(from, along, triangle, self.slack_m)?;
             // Within the vertices' range: an almost edge-on face must not shoot beyond itself.
             let heights = triangle.map(|p| p.dot(along));
-            let (low, high) = (heights[0].min(heights[1]).min(heights[2]), heights[0].max(heights[1]).max(heights[2]));
+            let (low, high) = (
+                heights[0].min(heights[1]).min(heights[2]),
+                heights[0].max(heights[1]).max(heights[2]),
+            );
             meeting.t = meeting.t.clamp(low, high);
             meeting.t_slack = meeting.t_slack.min(high - low + self.slack_m);
             Some((k, meeting))
@@ -212,7 +199,8 @@ impl Oracle {
 
     /// A point relative to the frame's origin.
     fn relative(&self, [column, row]: [u32; 2], elevation: f64) -> DVec3 {
-        let at = self.frame.plane_from_pixel(DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5));
+        let at =
+            self.frame.plane_from_pixel(DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5));
         self.frame.u_axis * at.x + self.frame.v_axis * at.y + self.frame.n() * elevation
     }
 
@@ -250,7 +238,10 @@ impl Oracle {
             && radius_room > ray_slack
             && room.abs() > 4.0 * ray_slack * photo.lens.focal_px().max_element();
         let inside = photo.lens.contains(position);
-        Verdict { outcome: if inside { Outcome::Seen(position) } else { Outcome::OutOfFrame }, clear }
+        Verdict {
+            outcome: if inside { Outcome::Seen(position) } else { Outcome::OutOfFrame },
+            clear,
+        }
     }
 
     /// A face that cuts the segment, a sure one if there is any, and whether it is sure.
@@ -318,4 +309,141 @@ fn meet(from: DVec3, along: DVec3, [a, b, c]: &[DVec3; 3], slack_m: f64) -> Opti
         margin: margin(0).min(margin(1)).min(margin(2)),
         t_slack: slack_m * (1.0 + slope),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{LensModel, PhotoId};
+    use crate::geom::Size;
+    use crate::synthetic::{CameraSpec, Placement, Shot};
+
+    /// A square of two metres at `height`, and a frame of 1 cm pixels over it.
+    fn square(height: f64, half: f64) -> [[DVec3; 3]; 2] {
+        let p = |x: f64, y: f64| DVec3::new(x * half, y * half, height);
+        [[p(-1.0, -1.0), p(1.0, -1.0), p(1.0, 1.0)], [p(-1.0, -1.0), p(1.0, 1.0), p(-1.0, 1.0)]]
+    }
+
+    fn frame() -> PlaneSpec {
+        PlaneSpec::of_scene(&Placement::IDENTITY, 0.01, [-1.5, -1.5, 1.5, 1.5])
+    }
+
+    fn oracle(triangles: &[[DVec3; 3]], frame: PlaneSpec) -> Oracle {
+        let ids: Vec<FaceId> = (0..).take(triangles.len()).map(FaceId).collect();
+        Oracle::new(triangles, &ids, frame, 1e-7)
+    }
+
+    /// Pixel (150, y) has its centre at x = 0.005.
+    const MIDDLE: [u32; 2] = [150, 120];
+
+    #[test]
+    fn the_greatest_elevation_wins_and_of_equals_the_lowest_id() {
+        let triangles = [square(0.0, 1.0), square(0.5, 0.5), square(0.5, 0.5)].concat();
+        let o = oracle(&triangles, frame());
+        let sight = o.surface(MIDDLE).unwrap();
+        assert!((sight.elevation - 0.5).abs() < 1e-12);
+        assert_eq!(sight.face, FaceId(3));
+        assert!(o.accepts(MIDDLE, Some((0.5, FaceId(3))), 1e-9));
+        assert!(!o.accepts(MIDDLE, Some((0.5, FaceId(5))), 1e-9), "a twin of higher id");
+        assert!(!o.accepts(MIDDLE, Some((0.0, FaceId(1))), 1e-9), "a face below");
+        assert!(!o.accepts(MIDDLE, Some((0.4, FaceId(3))), 1e-9), "a wrong elevation");
+        assert!(!o.accepts(MIDDLE, None, 1e-9));
+        assert_eq!(o.surface([2, 2]), None);
+        assert!(o.accepts([2, 2], None, 1e-9));
+        assert!(!o.accepts([2, 2], Some((0.0, FaceId(0))), 1e-9));
+    }
+
+    #[test]
+    fn a_slab_clips_points_not_faces() {
+        let tilted = [[DVec3::new(-1.0, -1.0, -1.0), DVec3::new(1.0, -1.0, -1.0), DVec3::new(0.0, 1.0, 1.0)]];
+        let mut frame = frame();
+        frame.elevation = Some([-0.5, 0.5]);
+        let o = oracle(&tilted, frame);
+        // Elevation equals y on the face.
+        let shown = |row: u32| o.surface([150, row]).map(|s| s.elevation);
+        assert_eq!(shown(90), None);
+        assert!((shown(150).unwrap() + 0.005).abs() < 1e-12);
+        assert_eq!(shown(210), None);
+        assert!(o.accepts([150, 90], None, 1e-9) && !o.accepts([150, 150], None, 1e-9));
+    }
+
+    #[test]
+    fn on_an_edge_either_face_is_accepted_but_no_third() {
+        let mut triangles = square(0.0, 1.0).to_vec();
+        triangles.extend(square(-0.3, 1.2));
+        let mut frame = frame();
+        // Pixel centres on the square's diagonal.
+        frame.extent = [-1.505, -1.5, 1.495, 1.5];
+        frame.extent[1] -= 0.005;
+        frame.extent[3] -= 0.005;
+        let o = oracle(&triangles, frame);
+        let at = o.ground([150, 149], 0.0);
+        assert!((at.x - at.y).abs() < 1e-12);
+        for (face, right) in [(0, true), (1, true), (2, false), (3, false)] {
+            let claim = Some((if face < 2 { 0.0 } else { -0.3 }, FaceId(face)));
+            assert_eq!(o.accepts([150, 149], claim, 1e-9), right, "{face}");
+        }
+    }
+
+    fn photo(centre: DVec3) -> Photo {
+        let camera = CameraSpec {
+            model: LensModel::Pinhole,
+            size: Size::new(400, 300),
+            params: vec![300.0, 300.0, 200.0, 150.0],
+        };
+        let ends = [centre, DVec3::new(0.0, 0.0, centre.z - 2.0)];
+        Shot::towards("a", &camera, &Placement::IDENTITY, ends, 0.0).photo(PhotoId(0)).unwrap()
+    }
+
+    #[test]
+    fn each_reason_not_to_see_is_named() {
+        let triangles = [square(0.0, 1.0), square(1.0, 0.1)].concat();
+        let o = oracle(&triangles, frame());
+        // Row 100: y = 0.495, the ground square, beside the small one.
+        let pixel = [150, 100];
+        let sight = o.surface(pixel).unwrap();
+        assert!(sight.elevation.abs() < 1e-12);
+        let see = |centre: DVec3| o.sees(&photo(centre), pixel, &sight, 2e-4);
+        let seen = see(DVec3::new(0.01, 0.02, 2.0));
+        assert!(seen.outcome.is_seen() && seen.clear, "{seen:?}");
+        // From (0.005, −0.485, 2) the line passes the small square at its height, (0.005, 0.005, 1).
+        let hidden = see(DVec3::new(0.005, -0.485, 2.0));
+        assert!(matches!(hidden.outcome, Outcome::Occluded(FaceId(2 | 3))), "{hidden:?}");
+        let side = see(DVec3::new(0.3, 0.2, -2.0));
+        assert_eq!(side, Verdict { outcome: Outcome::Behind, clear: true });
+        let near = see(DVec3::new(3.0, 3.0, 0.4));
+        assert!(!near.outcome.is_seen() && near.clear, "{near:?}");
+    }
+
+    #[test]
+    fn from_below_a_face_is_on_the_wrong_side_whatever_its_winding() {
+        for winding in [false, true] {
+            let mut triangles = square(0.0, 1.0);
+            if winding {
+                triangles = triangles.map(|[a, b, c]| [c, b, a]);
+            }
+            let o = oracle(&triangles, frame());
+            let sight = o.surface(MIDDLE).unwrap();
+            let camera = photo(DVec3::new(0.1, 0.1, 2.0));
+            assert!(o.sees(&camera, MIDDLE, &sight, 2e-4).outcome.is_seen());
+            // The same camera below, looking up.
+            let mut below = camera.clone();
+            below.pose.centre_ground.z = -2.0;
+            below.pose.rotation.z_axis *= -1.0;
+            let verdict = o.sees(&below, MIDDLE, &sight, 2e-4);
+            assert_eq!(verdict, Verdict { outcome: Outcome::WrongSide, clear: true });
+        }
+    }
+
+    #[test]
+    fn a_face_nearer_than_the_tolerance_to_the_point_does_not_hide_it() {
+        let triangles = [square(0.0, 1.0), square(0.01, 0.9)].concat();
+        let mut frame = frame();
+        frame.elevation = Some([-0.005, 0.005]);
+        let o = oracle(&triangles, frame);
+        let sight = o.surface(MIDDLE).unwrap();
+        let camera = photo(DVec3::new(0.005, 0.2, 2.0));
+        assert!(!o.sees(&camera, MIDDLE, &sight, 0.005).outcome.is_seen());
+        assert!(o.sees(&camera, MIDDLE, &sight, 0.02).outcome.is_seen());
+    }
 }

@@ -50,7 +50,11 @@ impl PlaneSpec {
         let count = |length: f64| {
             let pixels = (length / self.pixel_size - 1e-9).ceil();
             assert!((1.0..4_294_967_296.0).contains(&pixels), "an extent of {pixels} pixels");
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "just checked")]
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "just checked"
+            )]
             let pixels = pixels as u32;
             pixels
         };
@@ -111,6 +115,8 @@ mod tests {
     fn a_whole_number_of_pixels_is_not_rounded_up() {
         let spec = PlaneSpec::of_scene(&Placement::IDENTITY, 0.1, [0.0, 0.0, 0.3, 0.71]);
         assert_eq!(spec.size(), Size::new(3, 8));
-        assert!((spec.plane_from_pixel(DVec2::new(0.5, 0.5)) - DVec2::new(0.05, 0.66)).length() < 1e-15);
+        assert!(
+            (spec.plane_from_pixel(DVec2::new(0.5, 0.5)) - DVec2::new(0.05, 0.66)).length() < 1e-15
+        );
     }
 }

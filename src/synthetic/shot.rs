@@ -152,6 +152,11 @@ mod tests {
             .into();
         let set = photos(&shots).unwrap();
         assert_eq!(set.names, ["a", "b", "c"]);
-        assert!(set.photos.iter().zip(0..).all(|(p, k)| p.id == PhotoId(k) && p.name == set.names[k as usize]));
+        assert!(
+            set.photos
+                .iter()
+                .zip(0..)
+                .all(|(p, k)| p.id == PhotoId(k) && p.name == set.names[k as usize])
+        );
     }
 }
