@@ -169,7 +169,7 @@ fn grow(nodes: &mut Vec<Node>, items: &mut [Triangle], first: usize) {
         return;
     }
     // A little room, so that rounding in the box test skips nothing.
-    let tight = items.iter().map(bounds_of).fold(Bounds3::EMPTY, |a, b| a.union(b));
+    let tight = items.iter().map(bounds_of).fold(Bounds3::EMPTY, Bounds3::union);
     let room = 1e-9 * (1.0 + tight.diagonal());
     let bounds = Bounds3 { min: tight.min - room, max: tight.max + room };
     let at = nodes.len();
@@ -186,7 +186,7 @@ fn grow(nodes: &mut Vec<Node>, items: &mut [Triangle], first: usize) {
 
 /// Sorts the items along the axis, and returns the place, where a cut makes the expected cost least.
 ///
-/// J. D. MacDonald, K. S. Booth (1990), "Heuristics for ray tracing using space subdivision", The Visual Computer
+/// J. D. `MacDonald`, K. S. Booth (1990), "Heuristics for ray tracing using space subdivision", The Visual Computer
 /// 6, 153–166, doi:10.1007/BF01911006: surface area times number, on both sides.
 fn split(items: &mut [Triangle]) -> usize {
     let area = |b: &Bounds3| {

@@ -153,11 +153,7 @@ fn cornice(b: &mut SceneBuilder) {
     }
     for k in 0..34 {
         let x = 0.04 + 0.217 * f64::from(k);
-        b.cuboid(
-            DVec3::new(x, 4.90, 0.07),
-            DVec3::new(x + 0.11, 5.01, 0.16),
-            Part::Capital,
-        );
+        b.cuboid(DVec3::new(x, 4.90, 0.07), DVec3::new(x + 0.11, 5.01, 0.16), Part::Capital);
     }
 }
 

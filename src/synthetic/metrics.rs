@@ -5,7 +5,7 @@
 
 use super::shift::{Shift, shift};
 use crate::geom::Size;
-use crate::image::{Image, ImageView};
+use crate::image::ImageView;
 
 /// How near a picture comes to a reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,9 +60,7 @@ impl Plane {
     pub fn luma(image: ImageView<'_, u8>) -> Self {
         let Size { width, height } = image.size();
         let of = |pixel: &[u8]| match pixel {
-            [r, g, b, ..] => {
-                0.299 * f64::from(*r) + 0.587 * f64::from(*g) + 0.114 * f64::from(*b)
-            }
+            [r, g, b, ..] => 0.299 * f64::from(*r) + 0.587 * f64::from(*g) + 0.114 * f64::from(*b),
             _ => f64::from(pixel[0]),
         };
         let values = image.data().chunks_exact(image.channels()).map(of).collect();
@@ -72,14 +70,6 @@ impl Plane {
     /// The value at column `x`, row `y`.
     pub fn at(&self, x: usize, y: usize) -> f64 {
         self.values[y * self.width + x]
-    }
-
-    /// As an image, rounded; for looking at.
-    pub fn to_image(&self) -> Image<u8> {
-        let [width, height] =
-            [self.width, self.height].map(|n| u32::try_from(n).expect("an image's side"));
-        let round = |v: &f64| super::photograph::Depth::of_unit(v / 255.0);
-        Image::from_data(Size::new(width, height), 1, self.values.iter().map(round).collect())
     }
 }
 
@@ -120,8 +110,8 @@ pub fn ssim(a: &Plane, b: &Plane, mask: &[bool]) -> f64 {
     for k in (0..whole.len()).filter(|&k| whole[k]) {
         let (ma, mb) = (mean_a[k], mean_b[k]);
         let (va, vb, cov) = (aa[k] - ma * ma, bb[k] - mb * mb, ab[k] - ma * mb);
-        sum += ((2.0 * ma * mb + c1) * (2.0 * cov + c2))
-            / ((ma * ma + mb * mb + c1) * (va + vb + c2));
+        sum +=
+            ((2.0 * ma * mb + c1) * (2.0 * cov + c2)) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
         count += 1;
     }
     sum / count as f64
@@ -173,6 +163,7 @@ pub(super) fn within(mask: &[bool], width: usize, height: usize, reach: usize) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Image;
     use crate::synthetic::Random;
 
     fn noise(size: Size, seed: u64) -> Image<u8> {
@@ -208,8 +199,8 @@ mod tests {
         for y in 5..14 {
             for x in 5..18 {
                 let mut s = [0.0; 6];
-                for j in 0..11 {
-                    for i in 0..11 {
+                for j in 0..11_u32 {
+                    for i in 0..11_u32 {
                         let d = (f64::from(i) - 5.0).powi(2) + (f64::from(j) - 5.0).powi(2);
                         let w = (-d / 4.5).exp();
                         let at = |p: &Plane| p.at(x + i as usize - 5, y + j as usize - 5);

@@ -90,7 +90,8 @@ fn smooth(plane: &Plane) -> Plane {
             for x in 2..plane.width.saturating_sub(2) {
                 let k = y * plane.width + x;
                 let v = &from.values;
-                out.values[k] = (v[k - 2 * step] + v[k + 2 * step]
+                out.values[k] = (v[k - 2 * step]
+                    + v[k + 2 * step]
                     + 4.0 * (v[k - step] + v[k + step])
                     + 6.0 * v[k])
                     / 16.0;
@@ -126,9 +127,9 @@ fn lagrange(t: f64) -> [f64; 6] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geom::Size;
     use crate::image::Image;
     use crate::synthetic::{Part, Texture};
-    use crate::geom::Size;
     use glam::DVec3;
 
     /// The texture of the wall at 4 mm a pixel, 8 bits, its content moved by (dx, dy) pixels.
@@ -136,9 +137,10 @@ mod tests {
         let texture = Texture::new(0.02);
         let size = Size::new(200, 150);
         let mut image = Image::filled(size, 3, 0_u8);
-        for y in 0..150 {
-            for x in 0..200 {
-                let at = DVec3::new((f64::from(x) - dx) * 0.004, -(f64::from(y) - dy) * 0.004, -1.0);
+        for y in 0..150_u32 {
+            for x in 0..200_u32 {
+                let at =
+                    DVec3::new((f64::from(x) - dx) * 0.004, -(f64::from(y) - dy) * 0.004, -1.0);
                 let pixel = image.pixel_mut(x as usize, y as usize);
                 super::super::photograph::write(pixel, texture.colour(at, Part::Wall));
             }

@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use super::photograph::write;
 use super::{
-    Caster, Depth, Oracle, Part, Placement, PlaneSpec, Refinement, Scene, Shot, Sight, Texture, photos,
+    Caster, Depth, Oracle, Part, Placement, PlaneSpec, Refinement, Scene, Shot, Sight, Texture,
+    photos,
 };
 use crate::camera::CameraSet;
 use crate::frame::{Mosaic, Plane};
@@ -34,18 +35,19 @@ pub struct TestScene {
 impl TestScene {
     /// The mesh of a scene with edges of at most `edge_length_m`, with photos and a frame.
     ///
-    /// # Errors
-    /// As [`Refinement::by_edge_length`].
+    /// # Panics
+    /// If the mesh is beyond all use in a test, 2³¹ faces or more.
     pub fn of_scene(
         name: &'static str,
         scene: &Scene,
         edge_length_m: f64,
         shots: Vec<Shot>,
         plane: PlaneSpec,
-    ) -> Result<Self> {
-        let faces = Refinement::by_edge_length(scene, edge_length_m)?.triangles();
+    ) -> Self {
+        let mesh = Refinement::by_edge_length(scene, edge_length_m);
+        let faces = mesh.expect("a test's mesh is small").triangles();
         let part = |k: u32| scene.patches()[k as usize].part;
-        Ok(Self {
+        Self {
             name,
             triangles: faces.iter().map(|f| f.0).collect(),
             parts: faces.iter().map(|f| part(f.1)).collect(),
@@ -53,7 +55,7 @@ impl TestScene {
             texture: scene.texture().clone(),
             shots,
             plane,
-        })
+        }
     }
 
     /// Adds a face; its id is the number of faces before it.
@@ -126,7 +128,7 @@ impl PlaneSpec {
     /// # Errors
     /// [`Error::Usage`] if the frame makes no mosaic.
     pub fn mosaic(&self) -> Result<Mosaic> {
-        let axes = [self.origin, self.u_axis, self.v_axis].map(DVec3::to_array);
+        let axes = [self.origin, self.u_axis, self.v_axis].map(|p| p.to_array());
         let plane = Plane::new(axes[0], axes[1], axes[2])
             .map_err(|e| Error::usage(format!("the scene's frame: {e}")))?;
         Mosaic::new(plane, self.pixel_size, self.extent, self.slab())

@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 
-use crate::Result;
 use crate::camera::LensModel;
 use crate::geom::Size;
 use crate::synthetic::{CameraSpec, Part, Placement, PlaneSpec, Shot, TestScene, Texture};
@@ -15,7 +14,7 @@ const PIXEL: f64 = 1.0 / 64.0;
 ///
 /// All coordinates are small multiples of powers of two: every edge function of a pixel centre on an edge is exactly
 /// 0, every wall between steps is exactly edge-on, and every edge of a step lies exactly on segments of sight.
-pub fn grid_aligned() -> Result<TestScene> {
+pub fn grid_aligned() -> TestScene {
     let camera = CameraSpec {
         model: LensModel::SimplePinhole,
         size: Size::new(256, 192),
@@ -44,7 +43,7 @@ pub fn grid_aligned() -> Result<TestScene> {
         plane: PlaneSpec::of_scene(&placement, PIXEL, [0.0, 0.0, 128.0 * PIXEL, 96.0 * PIXEL]),
     };
     steps(&mut scene);
-    Ok(scene)
+    scene
 }
 
 /// Cells of 4 × 4 pixels at heights of 0 to 3 quarters, and the upright walls between them.
@@ -54,8 +53,9 @@ fn steps(scene: &mut TestScene) {
         let inside = (0..columns).contains(&i) && (0..rows).contains(&j);
         inside.then(|| 0.25 * f64::from((i * i + 3 * j + i * j / 5) % 4))
     };
-    let point =
-        |i: i32, j: i32, z: f64| DVec3::new(f64::from(4 * i) + 0.5, f64::from(4 * j) + 0.5, 0.0) * PIXEL + DVec3::Z * z;
+    let point = |i: i32, j: i32, z: f64| {
+        DVec3::new(f64::from(4 * i) + 0.5, f64::from(4 * j) + 0.5, 0.0) * PIXEL + DVec3::Z * z
+    };
     for j in 0..rows {
         for i in 0..columns {
             let Some(z) = height(i, j) else { continue };
@@ -67,7 +67,10 @@ fn steps(scene: &mut TestScene) {
             scene.push(one, Part::Wall);
             scene.push(two, Part::Wall);
             // Walls down to the right and upper neighbour, where that is lower or higher.
-            let sides = [(height(i + 1, j), (i + 1, j), (i + 1, j + 1)), (height(i, j + 1), (i + 1, j + 1), (i, j + 1))];
+            let sides = [
+                (height(i + 1, j), (i + 1, j), (i + 1, j + 1)),
+                (height(i, j + 1), (i + 1, j + 1), (i, j + 1)),
+            ];
             for (other, p, q) in sides {
                 let Some(w) = other.filter(|w| w.total_cmp(&z).is_ne()) else { continue };
                 let [p, q, r, s] =

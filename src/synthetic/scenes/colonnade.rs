@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 
-use crate::Result;
 use crate::camera::LensModel;
 use crate::geom::Size;
 use crate::synthetic::{
@@ -17,12 +16,12 @@ const PIXEL: f64 = 0.02;
 const EXTENT: [f64; 4] = [-0.05, -0.06, 2.47, 1.88];
 
 /// Two columns and a lintel before a wall.
-pub fn columns() -> Result<TestScene> {
+pub fn columns() -> TestScene {
     of("columns", Placement::IDENTITY, &opencv(), None)
 }
 
 /// The same far from the origin, in an oblique frame.
-pub fn oblique() -> Result<TestScene> {
+pub fn oblique() -> TestScene {
     let origin = DVec3::new(500_000.3, 4_200_000.7, 100.2);
     let placement =
         Placement::oblique(origin, DVec3::new(0.6, 0.7, 0.13), DVec3::new(-0.2, 0.1, 1.0));
@@ -30,7 +29,7 @@ pub fn oblique() -> Result<TestScene> {
 }
 
 /// The same through a lens of model RADIAL whose principal point lies far off the middle.
-pub fn radial() -> Result<TestScene> {
+pub fn radial() -> TestScene {
     let camera = CameraSpec {
         model: LensModel::Radial,
         size: Size::new(320, 240),
@@ -41,24 +40,24 @@ pub fn radial() -> Result<TestScene> {
 
 /// The same through a wide lens whose model folds back within the scene: beyond the valid radius a photo shows
 /// nothing, though the formula gives a position in the frame.
-pub fn wide_angle() -> Result<TestScene> {
+pub fn wide_angle() -> TestScene {
     let camera = CameraSpec {
         model: LensModel::SimpleRadial,
         size: Size::new(320, 240),
         params: vec![170.0, 160.0, 120.0, -0.42],
     };
-    let mut scene = of("wide_angle", Placement::IDENTITY, &camera, None)?;
+    let mut scene = of("wide_angle", Placement::IDENTITY, &camera, None);
     for (k, (x, y)) in [(0.5, 0.5), (1.9, 1.2), (1.2, 0.9)].into_iter().enumerate() {
         // Half a metre to a metre before the columns: the wall's far parts are beyond the valid radius.
         let ends = [DVec3::new(x, y, 0.7), DVec3::new(1.2, 0.9, -0.8)];
         let name = format!("near_{k}.png");
         scene.shots.push(Shot::towards(&name, &camera, &scene.placement, ends, 0.0));
     }
-    Ok(scene)
+    scene
 }
 
 /// A section of the wall: the columns lie beyond the slab and are not shown, but the photos saw them.
-pub fn hidden_section() -> Result<TestScene> {
+pub fn hidden_section() -> TestScene {
     of("hidden_section", Placement::IDENTITY, &opencv(), Some([-2.0, -0.45]))
 }
 
@@ -85,7 +84,7 @@ fn of(
     placement: Placement,
     camera: &CameraSpec,
     slab: Option<[f64; 2]>,
-) -> Result<TestScene> {
+) -> TestScene {
     // From the left, the middle and the right; from above; and from behind the wall, which sees no front.
     let views = [
         ("a.png", DVec3::new(-0.6, 0.8, 2.2), DVec3::new(0.9, 0.9, -0.7), 0.04),

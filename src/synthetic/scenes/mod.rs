@@ -15,13 +15,9 @@ pub use room::{photo_inside, through_photo_plane};
 pub use surfaces::{huge_and_tiny, sub_pixel, untidy};
 
 use super::TestScene;
-use crate::Result;
 
 /// All test scenes.
-///
-/// # Errors
-/// None that their own tests do not rule out.
-pub fn all() -> Result<Vec<TestScene>> {
+pub fn all() -> Vec<TestScene> {
     [
         columns,
         oblique,

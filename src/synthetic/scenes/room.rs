@@ -2,14 +2,15 @@
 
 use glam::DVec3;
 
-use crate::Result;
 use crate::camera::LensModel;
 use crate::geom::Size;
-use crate::synthetic::{CameraSpec, Part, Placement, PlaneSpec, SceneBuilder, Shot, TestScene, Texture};
+use crate::synthetic::{
+    CameraSpec, Part, Placement, PlaneSpec, SceneBuilder, Shot, TestScene, Texture,
+};
 
 /// A closed room with a pillar: two photos inside, one outside. The section shows the far wall, which only those
 /// inside see; the near wall hides it from the one outside.
-pub fn photo_inside() -> Result<TestScene> {
+pub fn photo_inside() -> TestScene {
     let mut b = SceneBuilder::new();
     // Wound as seen from outside: the room's inner faces are seen from their backs.
     b.cuboid(DVec3::ZERO, DVec3::new(2.0, 1.5, 2.5), Part::Wall);
@@ -27,7 +28,7 @@ pub fn photo_inside() -> Result<TestScene> {
 }
 
 /// A floor and a wall that pass beside and behind the cameras, in large faces: their corners have no image.
-pub fn through_photo_plane() -> Result<TestScene> {
+pub fn through_photo_plane() -> TestScene {
     let mut b = SceneBuilder::new();
     b.cuboid(DVec3::new(0.0, 0.0, -0.2), DVec3::new(2.0, 1.5, 0.0), Part::Wall);
     // A floor and a side wall, six metres deep; the cameras stand one to two metres from the wall.

@@ -2,21 +2,20 @@
 
 use glam::DVec3;
 
-use crate::Result;
 use crate::camera::LensModel;
 use crate::geom::Size;
 use crate::synthetic::{CameraSpec, Part, Placement, PlaneSpec, Random, Shot, TestScene, Texture};
 
 /// A rough relief whose faces are a third of a pixel wide.
-pub fn sub_pixel() -> Result<TestScene> {
+pub fn sub_pixel() -> TestScene {
     let mut scene = base("sub_pixel", [0.0, 0.0, 0.8, 0.6], 0.02, 1.3);
     let mut random = Random::new(11);
     relief(&mut scene, [0.05, 0.05, 0.0], 0.0065, [106, 76], |_, _| random.between(0.0, 0.006));
-    Ok(scene)
+    scene
 }
 
 /// T-junctions, faces that occur twice, and faces wound either way.
-pub fn untidy() -> Result<TestScene> {
+pub fn untidy() -> TestScene {
     let mut scene = base("untidy", [0.0, 0.0, 1.2, 0.9], 0.01, 2.0);
     // A relief of coarse cells; beside each third one, its neighbour is cut in three: T-junctions on a ridge.
     let mut random = Random::new(5);
@@ -46,11 +45,11 @@ pub fn untidy() -> Result<TestScene> {
     scene.push([a, a, b], Part::Wall);
     scene.push([a, 0.5 * (a + b), b], Part::Wall);
     scene.push([a, b, a + (c - a) * 1e-9], Part::Wall);
-    Ok(scene)
+    scene
 }
 
 /// A plain of two faces two kilometres wide, and on it a relief of faces of a few millimetres.
-pub fn huge_and_tiny() -> Result<TestScene> {
+pub fn huge_and_tiny() -> TestScene {
     let mut scene = base("huge_and_tiny", [-0.2, -0.1, 1.0, 0.8], 0.01, 1.6);
     let p = |x: f64, y: f64| DVec3::new(x, y, -0.1 + 1e-4 * x - 2e-4 * y);
     let corners = [p(-1000.0, -1000.0), p(1000.0, -1000.0), p(1000.0, 1000.0), p(-1000.0, 1000.0)];
@@ -64,7 +63,7 @@ pub fn huge_and_tiny() -> Result<TestScene> {
     // And a tall needle of a face.
     let tip = DVec3::new(0.75, 0.6, 0.6);
     scene.push([tip, DVec3::new(0.74, 0.3, -0.1), DVec3::new(0.76, 0.3, -0.1)], Part::Shaft);
-    Ok(scene)
+    scene
 }
 
 /// An empty scene that four photos look at from `distance` metres.
@@ -109,8 +108,7 @@ fn relief(
     let points: Vec<DVec3> = (0..=rows)
         .flat_map(|j| (0..=columns).map(move |i| (i, j)))
         .map(|(i, j)| {
-            DVec3::from(corner)
-                + DVec3::new(f64::from(i) * step, f64::from(j) * step, height(i, j))
+            DVec3::from(corner) + DVec3::new(f64::from(i) * step, f64::from(j) * step, height(i, j))
         })
         .collect();
     let at = |i: i32, j: i32| points[usize::try_from(j * (columns + 1) + i).expect("in the grid")];

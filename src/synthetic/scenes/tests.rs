@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use super::*;
 use crate::camera::{LensModel, Photo};
@@ -13,9 +14,9 @@ use crate::synthetic::{Oracle, Outcome, Part, Sampling, Sight, TestScene, photog
 fn sights(scene: &TestScene, oracle: &Oracle, step: usize) -> Vec<([u32; 2], Option<Sight>)> {
     let size = scene.plane.size();
     let rows = (0..size.height).step_by(step);
-    rows.flat_map(|y| (0..size.width).step_by(step).map(move |x| [x, y]))
-        .map(|pixel| (pixel, oracle.surface(pixel)))
-        .collect()
+    let pixels: Vec<[u32; 2]> =
+        rows.flat_map(|y| (0..size.width).step_by(step).map(move |x| [x, y])).collect();
+    pixels.into_par_iter().map(|pixel| (pixel, oracle.surface(pixel))).collect()
 }
 
 /// How often each outcome occurs, by the photo's name.
@@ -26,14 +27,15 @@ fn tally(scene: &TestScene, step: usize) -> BTreeMap<(String, &'static str), u32
     for (pixel, sight) in sights(scene, &oracle, step) {
         let Some(sight) = sight else { continue };
         for photo in &photos {
-            let word = match oracle.sees(photo, pixel, &sight, 0.02 * scene.plane.pixel_size).outcome {
-                Outcome::Seen(_) => "seen",
-                Outcome::Behind => "behind",
-                Outcome::BeyondRadius => "beyond",
-                Outcome::OutOfFrame => "outside",
-                Outcome::WrongSide => "side",
-                Outcome::Occluded(_) => "occluded",
-            };
+            let word =
+                match oracle.sees(photo, pixel, &sight, 0.02 * scene.plane.pixel_size).outcome {
+                    Outcome::Seen(_) => "seen",
+                    Outcome::Behind => "behind",
+                    Outcome::BeyondRadius => "beyond",
+                    Outcome::OutOfFrame => "outside",
+                    Outcome::WrongSide => "side",
+                    Outcome::Occluded(_) => "occluded",
+                };
             *counts.entry((photo.name.clone(), word)).or_insert(0) += 1;
         }
     }
@@ -46,7 +48,7 @@ fn count(counts: &BTreeMap<(String, &'static str), u32>, name: &str, word: &str)
 
 #[test]
 fn every_scene_makes_photos_a_mosaic_and_has_its_own_name() {
-    let scenes = all().unwrap();
+    let scenes = all();
     let mut names: Vec<_> = scenes.iter().map(|s| s.name).collect();
     names.sort_unstable();
     names.dedup();
@@ -56,19 +58,24 @@ fn every_scene_makes_photos_a_mosaic_and_has_its_own_name() {
         let mosaic = scene.mosaic().unwrap();
         assert_eq!(mosaic.size, scene.plane.size());
         assert!((1_000..20_000).contains(&mosaic.size.area()), "{} {:?}", scene.name, mosaic.size);
-        assert!((30..20_000).contains(&scene.triangles.len()), "{} {}", scene.name, scene.triangles.len());
+        assert!(
+            (30..20_000).contains(&scene.triangles.len()),
+            "{} {}",
+            scene.name,
+            scene.triangles.len()
+        );
         assert_eq!(scene.parts.len(), scene.triangles.len());
     }
 }
 
 #[test]
 fn the_oracle_s_surface_is_what_a_ray_from_the_viewer_meets_first() {
-    for scene in all().unwrap() {
+    for scene in all() {
         let oracle = scene.oracle(1e-7);
         let caster = scene.caster();
         let [low, high] = scene.plane.slab();
         let mut shown = 0;
-        for (pixel, sight) in sights(&scene, &oracle, 5) {
+        for (pixel, sight) in sights(&scene, &oracle, 6) {
             let from = oracle.ground(pixel, high.min(100.0));
             let hit = caster.cast(from, -scene.plane.n(), None);
             let elevation = hit.map(|h| (h.ground - scene.plane.origin).dot(scene.plane.n()));
@@ -84,7 +91,7 @@ fn the_oracle_s_surface_is_what_a_ray_from_the_viewer_meets_first() {
             }
             assert!(oracle.accepts(pixel, claim, 1e-7), "{} {pixel:?}", scene.name);
         }
-        assert!(shown > 50, "{} {shown}", scene.name);
+        assert!(shown > 30, "{} {shown}", scene.name);
     }
 }
 
@@ -110,7 +117,7 @@ fn look_up(image: &Image<u8>, at: DVec2) -> Option<DVec3> {
 fn agreement(scene: &TestScene, photo: &Photo, oracle: &Oracle) -> [Vec<f64>; 2] {
     let image: Image<u8> = photograph(&scene.caster(), photo, Sampling::Box(1), 3);
     let mut found = [Vec::new(), Vec::new()];
-    for (pixel, sight) in sights(scene, oracle, 3) {
+    for (pixel, sight) in sights(scene, oracle, 5) {
         let Some(sight) = sight else { continue };
         let verdict = oracle.sees(photo, pixel, &sight, 0.02 * scene.plane.pixel_size);
         let ground = oracle.ground(pixel, sight.elevation);
@@ -125,13 +132,15 @@ fn agreement(scene: &TestScene, photo: &Photo, oracle: &Oracle) -> [Vec<f64>; 2]
             found[list].push(rgb.distance(truth));
         }
     }
-    found.iter_mut().for_each(|f| f.sort_by(f64::total_cmp));
+    for list in &mut found {
+        list.sort_by(f64::total_cmp);
+    }
     found
 }
 
 #[test]
 fn where_the_oracle_says_seen_the_photograph_shows_the_texture_and_where_occluded_it_does_not() {
-    for scene in all().unwrap() {
+    for scene in all() {
         // Faces below a photo pixel hide and show within it: no look-up can tell.
         if ["sub_pixel", "huge_and_tiny"].contains(&scene.name) {
             continue;
@@ -140,7 +149,11 @@ fn where_the_oracle_says_seen_the_photograph_shows_the_texture_and_where_occlude
         for photo in scene.photos().unwrap().photos {
             let [seen, occluded] = agreement(&scene, &photo, &oracle);
             let at = |list: &[f64], share: f64| {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a share"
+                )]
                 let k = (list.len() as f64 * share) as usize;
                 list[k.min(list.len() - 1)]
             };
@@ -149,7 +162,7 @@ fn where_the_oracle_says_seen_the_photograph_shows_the_texture_and_where_occlude
                 // Beside silhouettes a look-up mixes two surfaces.
                 assert!(at(&seen, 0.8) < 0.06, "{place}: {} of {}", at(&seen, 0.8), seen.len());
             }
-            if occluded.len() > 100 {
+            if occluded.len() > 40 {
                 assert!(at(&occluded, 0.5) > 0.06, "{place}: {}", at(&occluded, 0.5));
             }
         }
@@ -159,7 +172,7 @@ fn where_the_oracle_says_seen_the_photograph_shows_the_texture_and_where_occlude
 #[test]
 fn columns_hide_the_wall_from_each_photo_and_one_photo_is_behind_it() {
     for make in [columns, oblique, radial] {
-        let counts = tally(&make().unwrap(), 4);
+        let counts = tally(&make(), 4);
         for name in ["a.png", "b.png", "c.png", "d.png"] {
             assert!(count(&counts, name, "occluded") > 10, "{counts:?}");
             assert!(count(&counts, name, "seen") > 200, "{counts:?}");
@@ -171,7 +184,7 @@ fn columns_hide_the_wall_from_each_photo_and_one_photo_is_behind_it() {
 
 #[test]
 fn beyond_the_valid_radius_the_formula_still_gives_positions_in_the_frame() {
-    let scene = wide_angle().unwrap();
+    let scene = wide_angle();
     let counts = tally(&scene, 4);
     assert!(count(&counts, "near", "beyond") > 50, "{counts:?}");
     // What a program without the valid radius would take for seen.
@@ -184,7 +197,8 @@ fn beyond_the_valid_radius_the_formula_still_gives_positions_in_the_frame() {
             let ray = c.truncate() / c.z;
             if c.z > 0.0 && photo.lens.photo_from_ray(ray).is_none() {
                 assert_eq!(photo.lens.model(), LensModel::SimpleRadial);
-                let folded = ray * (1.0 - 0.42 * ray.length_squared()) * 170.0 + DVec2::new(160.0, 120.0);
+                let folded =
+                    ray * (1.0 - 0.42 * ray.length_squared()) * 170.0 + DVec2::new(160.0, 120.0);
                 trap += u32::from(photo.lens.contains(folded));
             }
         }
@@ -194,7 +208,7 @@ fn beyond_the_valid_radius_the_formula_still_gives_positions_in_the_frame() {
 
 #[test]
 fn in_the_section_what_hides_the_wall_is_itself_not_shown() {
-    let scene = hidden_section().unwrap();
+    let scene = hidden_section();
     let oracle = scene.oracle(1e-7);
     let mut hidden_by_shaft = 0;
     for (pixel, sight) in sights(&scene, &oracle, 4) {
@@ -212,7 +226,7 @@ fn in_the_section_what_hides_the_wall_is_itself_not_shown() {
 
 #[test]
 fn from_inside_the_room_the_far_wall_is_seen_and_from_outside_it_is_not() {
-    let counts = tally(&photo_inside().unwrap(), 4);
+    let counts = tally(&photo_inside(), 4);
     assert!(count(&counts, "in_", "seen") > 400, "{counts:?}");
     assert!(count(&counts, "in_", "occluded") > 20, "{counts:?}");
     assert_eq!(count(&counts, "out", "seen"), 0, "{counts:?}");
@@ -221,23 +235,25 @@ fn from_inside_the_room_the_far_wall_is_seen_and_from_outside_it_is_not() {
 
 #[test]
 fn faces_run_through_photo_planes_and_points_lie_behind_photos() {
-    let scene = through_photo_plane().unwrap();
+    let scene = through_photo_plane();
     let counts = tally(&scene, 4);
     assert!(count(&counts, "", "behind") > 20, "{counts:?}");
     assert!(count(&counts, "", "occluded") > 50, "{counts:?}");
     assert!(count(&counts, "", "seen") > 1000, "{counts:?}");
     for photo in scene.photos().unwrap().photos {
         let depths = |t: &[DVec3; 3]| t.map(|p| photo.pose.camera_from_ground(p).z);
-        let crossing = scene.triangles.iter().map(depths).filter(|d| {
-            d.iter().any(|&z| z > 0.0) && d.iter().any(|&z| z < 0.0)
-        });
+        let crossing = scene
+            .triangles
+            .iter()
+            .map(depths)
+            .filter(|d| d.iter().any(|&z| z > 0.0) && d.iter().any(|&z| z < 0.0));
         assert!(crossing.count() >= 4, "{}", photo.name);
     }
 }
 
 #[test]
 fn on_the_grid_pixel_centres_lie_on_edges_and_sight_lines_touch_steps() {
-    let scene = grid_aligned().unwrap();
+    let scene = grid_aligned();
     let oracle = scene.oracle(1e-7);
     let (mut on_edge, mut touching, mut pixels) = (0, 0, 0);
     for (pixel, sight) in sights(&scene, &oracle, 2) {
@@ -258,7 +274,7 @@ fn on_the_grid_pixel_centres_lie_on_edges_and_sight_lines_touch_steps() {
 
 #[test]
 fn sub_pixel_faces_are_below_a_pixel_of_mosaic_and_photo() {
-    let scene = sub_pixel().unwrap();
+    let scene = sub_pixel();
     let photos = scene.photos().unwrap().photos;
     for t in &scene.triangles {
         let widest = (t[1] - t[0]).truncate().length().max((t[2] - t[0]).truncate().length());
@@ -271,7 +287,7 @@ fn sub_pixel_faces_are_below_a_pixel_of_mosaic_and_photo() {
 
 #[test]
 fn the_untidy_mesh_holds_duplicates_of_lower_id_and_both_windings() {
-    let scene = untidy().unwrap();
+    let scene = untidy();
     let n = scene.plane.n();
     let up = |t: &[DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).dot(n) > 0.0;
     let ups = scene.triangles.iter().filter(|t| up(t)).count();
