@@ -95,28 +95,31 @@ impl Caster {
         if let Some(hit) = near {
             self.try_triangle(hit.triangle, from, along, &mut best);
         }
-        let mut stack = [0_u32; 64];
+        // Nodes still to be looked at, with the distances at which the ray enters them; the nearest last.
+        let mut stack = [(0_u32, 0.0); 64];
         let mut depth = usize::from(!self.nodes.is_empty());
         while depth > 0 {
             depth -= 1;
-            let at = stack[depth];
-            let node = &self.nodes[at as usize];
-            if entry(&node.bounds, from, inverse) > best.0 {
+            let (at, distance) = stack[depth];
+            if distance > best.0 {
                 continue;
+            }
+            let node = &self.nodes[at as usize];
+            for k in node.second..node.second + node.count {
+                self.try_triangle(k, from, along, &mut best);
             }
             if node.count > 0 {
-                for k in node.second..node.second + node.count {
-                    self.try_triangle(k, from, along, &mut best);
-                }
                 continue;
             }
-            // The nearer child last, so that it is taken first.
-            let children = [at + 1, node.second];
-            let [one, two] = children.map(|k| entry(&self.nodes[k as usize].bounds, from, inverse));
-            let (first, second) = if one <= two { (0, 1) } else { (1, 0) };
-            stack[depth] = children[second];
-            stack[depth + 1] = children[first];
-            depth += 2;
+            let [one, two] = [at + 1, node.second]
+                .map(|k| (k, entry(&self.nodes[k as usize].bounds, from, inverse)));
+            let in_order = if one.1 <= two.1 { [two, one] } else { [one, two] };
+            for child in in_order {
+                if child.1 < f64::INFINITY && child.1 <= best.0 {
+                    stack[depth] = child;
+                    depth += 1;
+                }
+            }
         }
         let triangle = self.triangles.get(best.1 as usize)?;
         Some(CastHit {

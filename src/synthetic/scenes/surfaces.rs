@@ -10,7 +10,7 @@ use crate::synthetic::{CameraSpec, Part, Placement, PlaneSpec, Random, Shot, Tes
 pub fn sub_pixel() -> TestScene {
     let mut scene = base("sub_pixel", [0.0, 0.0, 0.8, 0.6], 0.02, 1.3);
     let mut random = Random::new(11);
-    relief(&mut scene, [0.05, 0.05, 0.0], 0.0065, [106, 76], |_, _| random.between(0.0, 0.006));
+    relief(&mut scene, [0.0513, 0.0487, 0.0], 0.0065, [106, 76], |_, _| random.between(0.0, 0.006));
     scene
 }
 

@@ -75,7 +75,8 @@ fn the_oracle_s_surface_is_what_a_ray_from_the_viewer_meets_first() {
         let caster = scene.caster();
         let [low, high] = scene.plane.slab();
         let mut shown = 0;
-        for (pixel, sight) in sights(&scene, &oracle, 6) {
+        let step = if scene.plane.size().area() < 2_000 { 3 } else { 6 };
+        for (pixel, sight) in sights(&scene, &oracle, step) {
             let from = oracle.ground(pixel, high.min(100.0));
             let hit = caster.cast(from, -scene.plane.n(), None);
             let elevation = hit.map(|h| (h.ground - scene.plane.origin).dot(scene.plane.n()));
@@ -141,8 +142,9 @@ fn agreement(scene: &TestScene, photo: &Photo, oracle: &Oracle) -> [Vec<f64>; 2]
 #[test]
 fn where_the_oracle_says_seen_the_photograph_shows_the_texture_and_where_occluded_it_does_not() {
     for scene in all() {
-        // Faces below a photo pixel hide and show within it: no look-up can tell.
-        if ["sub_pixel", "huge_and_tiny"].contains(&scene.name) {
+        // Faces below a photo pixel hide and show within it, and points on edges lie between two parts: there, no
+        // look-up can tell.
+        if ["sub_pixel", "huge_and_tiny", "grid_aligned"].contains(&scene.name) {
             continue;
         }
         let oracle = scene.oracle(1e-7);
