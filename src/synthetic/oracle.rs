@@ -121,7 +121,11 @@ impl Oracle {
                 best = Some(sight);
             }
         }
-        best
+        // Twins are equal in truth, if not to the last place.
+        best.map(|sight| {
+            let triangle = self.earliest_twin(sight.triangle);
+            Sight { face: self.ids[triangle], triangle, ..sight }
+        })
     }
 
     /// Whether `claim`, an elevation and a face or nothing, is right for a pixel within the slack.
@@ -141,7 +145,7 @@ impl Oracle {
                 && m.t + m.t_slack >= floor
                 && m.t + m.t_slack >= low
                 && m.t - m.t_slack <= high
-                && !self.has_earlier_twin(k)
+                && self.earliest_twin(k) == k
         })
     }
 
@@ -220,16 +224,13 @@ impl Oracle {
         self.frame.u_axis * at.x + self.frame.v_axis * at.y + self.frame.n() * elevation
     }
 
-    /// Whether another triangle with the same corners, in any order, has a lower id.
-    fn has_earlier_twin(&self, k: usize) -> bool {
-        let sorted = |t: &[DVec3; 3]| {
-            let mut corners = t.map(|p| (p + 0.0).to_array().map(f64::to_bits));
-            corners.sort_unstable();
-            corners
-        };
-        let own = sorted(&self.triangles[k]);
-        let earlier = |(t, id): (&[DVec3; 3], &FaceId)| *id < self.ids[k] && sorted(t) == own;
-        self.triangles.iter().zip(&self.ids).any(earlier)
+    /// The triangle of lowest id with the same corners, in any order.
+    fn earliest_twin(&self, k: usize) -> usize {
+        let own = &self.triangles[k];
+        let is_twin =
+            |t: &[DVec3; 3]| t.iter().all(|p| own.contains(p)) && own.iter().all(|p| t.contains(p));
+        let twins = (0..self.triangles.len()).filter(|&j| is_twin(&self.triangles[j]));
+        twins.min_by_key(|&j| self.ids[j]).unwrap_or(k)
     }
 
     /// The tests that look at the photo alone; `offset` is the point less the perspective centre.
