@@ -187,7 +187,9 @@ fn open_header(store: &Path) -> Result<(PositionedFile, Header)> {
 /// Memory that building a photo's store takes at most, in bytes, from its header alone.
 ///
 /// A JPEG needs its file and its decoded samples, a progressive one its coefficients (2 bytes each) too; a PNG,
-/// unless interlaced, only some rows. The largest is no less than what the job must allow.
+/// unless interlaced, only some rows. A job must be allowed at least the greatest of its photos'. Stated and measured
+/// (peak resident memory of a process that builds one, itself included) in MiB: 100 Mpx sequential 335, 318;
+/// progressive 620, 602; a PNG of 24 Mpx 12, 12.
 pub fn working_bytes(header: &PhotoHeader) -> u64 {
     let shape = Shape { size: header.size, channels: header.channels, bits: header.bits };
     let strips =
