@@ -73,20 +73,7 @@ fn with_short_help(command: clap::Command) -> clap::Command {
 #[derive(Clone, Debug, Subcommand)]
 pub enum Command {
     /// Build a synthetic façade with photos and render it: the whole job, no input needed
-    Demo {
-        /// Folder to write to; made if need be
-        #[arg(value_name = "DIR", default_value = "demo")]
-        dir: PathBuf,
-        /// Memory cap of the process, at least 256MiB [default: half of the physical memory]
-        #[arg(long, value_name = "SIZE", value_parser = values::memory)]
-        memory: Option<u64>,
-        /// Threads [default: all processors]
-        #[arg(long, value_name = "N", value_parser = values::threads)]
-        threads: Option<usize>,
-        /// Show no progress and no summary
-        #[arg(long)]
-        quiet: bool,
-    },
+    Demo(DemoArgs),
     /// Mesh + cameras + photos → true-orthoimage mosaic
     #[command(after_help = PROJECT_HELP)]
     Ortho(Box<OrthoArgs>),
@@ -127,6 +114,23 @@ pub enum Command {
         /// A file or a folder
         path: PathBuf,
     },
+}
+
+/// The flags of `groundel demo`.
+#[derive(Clone, Debug, PartialEq, Eq, clap::Args)]
+pub struct DemoArgs {
+    /// Folder to write to; made if need be
+    #[arg(value_name = "DIR", default_value = "demo")]
+    pub dir: PathBuf,
+    /// Memory cap of the process, at least 256MiB [default: half of the physical memory]
+    #[arg(long, value_name = "SIZE", value_parser = values::memory)]
+    pub memory: Option<u64>,
+    /// Threads [default: all processors]
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub threads: Option<usize>,
+    /// Show no progress and no summary
+    #[arg(long)]
+    pub quiet: bool,
 }
 
 /// The flags of `groundel ortho`. Every one may be missing: the project file or a default steps in.

@@ -9,6 +9,7 @@ mod args;
 mod choice;
 mod config;
 mod console;
+mod demo;
 mod frame_choice;
 mod info;
 mod ortho;
@@ -18,7 +19,7 @@ mod run;
 mod settings;
 mod values;
 
-pub use args::{Args, Command, OrthoArgs};
+pub use args::{Args, Command, DemoArgs, OrthoArgs};
 pub use choice::PhotoChoice;
 pub use config::Config;
 pub use ortho::ExitStatus;

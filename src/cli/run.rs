@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::args::{Args, Command};
 use super::config::Config;
-use super::{console, info, ortho, ortho::ExitStatus};
+use super::{console, demo, info, ortho, ortho::ExitStatus};
 use crate::{Error, Result};
 
 /// Exit code of a wrong command line.
@@ -38,7 +38,7 @@ pub fn run(typed: impl IntoIterator<Item = OsString>) -> u8 {
 fn dispatch(command: Command) -> Result<ExitStatus> {
     match command {
         Command::Ortho(args) => ortho::run(&Config::build(*args)?),
-        Command::Demo { dir, .. } => Err(Error::unsupported(dir, "the demo")),
+        Command::Demo(args) => demo::run(&args),
         Command::Info { path } => {
             console::answer(&info::describe(&path)?);
             Ok(ExitStatus::Done)

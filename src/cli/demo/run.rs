@@ -1,0 +1,49 @@
+//! The demo from start to end.
+
+use std::fs;
+
+use super::super::args::{DemoArgs, OrthoArgs};
+use super::super::config::{Config, all_processors};
+use super::super::console;
+use super::super::ortho::{self, ExitStatus};
+use super::set::DemoSet;
+use super::{answer, files, preview};
+use crate::output::Meaning;
+use crate::synthetic::Caster;
+use crate::{Error, Result};
+
+/// Writes the façade and its photos, renders them as `groundel ortho` does, draws previews and compares.
+///
+/// # Errors
+/// What any of these gives.
+pub(in crate::cli) fn run(args: &DemoArgs) -> Result<ExitStatus> {
+    let threads = args.threads.unwrap_or_else(all_processors);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|e| Error::io("threads", std::io::Error::other(e)))?;
+    let set = DemoSet::new();
+    let caster = Caster::of_scene(&set.scene);
+    let project = pool.install(|| files::write(&args.dir, &set, &caster, args.quiet))?;
+
+    let config = Config::build(OrthoArgs {
+        project: Some(project),
+        memory: args.memory,
+        threads: args.threads,
+        quiet: args.quiet,
+        ..OrthoArgs::default()
+    })?;
+    let status = ortho::run(&config)?;
+
+    let previews = args.dir.join("previews");
+    fs::create_dir_all(&previews).map_err(|e| Error::io(&previews, e))?;
+    for layer in Meaning::ALL {
+        let to = previews.join(layer.name()).with_extension("png");
+        preview::draw(&config.layer_file(layer), layer, &to)?;
+    }
+    let elevation = config.layer_file(Meaning::Elevation);
+    let answer = pool.install(|| answer::compare(&config.out, &elevation, &set.frame, &caster))?;
+    if !args.quiet {
+        console::answer(&answer.text());
+        console::answer(&format!("pictures to look at: {}\n", previews.display()));
+    }
+    Ok(status)
+}
