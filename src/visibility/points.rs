@@ -119,7 +119,7 @@ impl BlockPoints {
     }
 
     /// The pixels of the surface tile, in ascending order within a row, that the photo sees in sub-block `k` (in the
-    /// order of [`PixelRect::blocks`]).
+    /// order of [`PixelRect::blocks`](crate::geom::PixelRect::blocks)).
     pub fn seen_in(&self, k: usize) -> impl Iterator<Item = usize> + '_ {
         let range = self.starts[k] as usize..self.starts[k + 1] as usize;
         range.filter(|&i| self.seen[i]).map(|i| self.pixels[i] as usize)
