@@ -140,9 +140,9 @@ impl Job<'_> {
         drop(cells);
         let buckets = Buckets::new(self.folder, "bucket", ranges, self.plan.spill_bytes);
         let mut scatter = Scatter::new(curve, buckets, self.plan.chunk, counts, meter);
-        for ((source, mut vertices), &first_id) in self.sources.iter().zip(vertices).zip(&first_ids)
-        {
-            scatter.scatter(Scattered { source: *source, first_id }, &mut vertices)?;
+        for ((&source, vertices), &first_id) in self.sources.iter().zip(vertices).zip(&first_ids) {
+            let (folder, join_bytes) = (self.folder, self.plan.cache_bytes);
+            scatter.scatter(Scattered { source, first_id, folder, join_bytes }, vertices)?;
         }
         let Scatter { buckets, meter, counts: found, .. } = scatter;
         counts = found;

@@ -9,6 +9,7 @@ mod buckets;
 mod build;
 mod curve;
 mod cut;
+mod join;
 mod key;
 mod lattice;
 mod layout;

@@ -81,7 +81,10 @@ impl Plan {
 
     /// The disk that the building takes at most, if polygons are triangles.
     pub(super) fn forecast(&self) -> MeshDiskForecast {
-        let vertices = if self.holds_vertices { 0 } else { self.vertices * PACKED_BYTES as u64 };
+        // Vertices, and for a join of faces with vertices all over the file, requests and answers.
+        let join = self.faces * 3 * (4 + PACKED_BYTES as u64);
+        let vertices =
+            if self.holds_vertices { 0 } else { self.vertices * PACKED_BYTES as u64 + join };
         // A bucket that turns out too large is written twice; records shrink by a third or more.
         let records = if self.is_one_bucket { 0 } else { self.faces * RECORD_BYTES as u64 };
         MeshDiskForecast { temporary_bytes: vertices + records, store_bytes: self.faces * 20 }

@@ -3,10 +3,13 @@
 //! In: streams of triangles, and the vertices. Out: triangles with area, with their corners, id and key, in
 //! buckets; the rest counted. A face that uses a vertex which is not finite is an error that names both.
 
+use std::path::Path;
+
 use rayon::prelude::*;
 
 use super::buckets::{Buckets, RECORD_BYTES, encode, id_of, key_of};
 use super::curve::Curve;
+use super::join::Join;
 use super::lattice::{GROUND_LIMIT, LatticePoint};
 use super::layout::MeshCounts;
 use super::partition::Triangle;
@@ -45,6 +48,9 @@ pub(super) struct Scattered<'a> {
     pub(super) source: &'a dyn MeshSource,
     /// The id of its first face.
     pub(super) first_id: u32,
+    /// Where temporary files go, and memory for a join of faces and vertices.
+    pub(super) folder: &'a Path,
+    pub(super) join_bytes: usize,
 }
 
 impl<'a> Scatter<'a> {
@@ -59,8 +65,11 @@ impl<'a> Scatter<'a> {
         Self { curve, buckets, chunk, counts, meter, batches: Vec::new(), last_kept: None }
     }
 
-    /// Scatters a mesh whose vertices are `vertices`; `first_id` is the id of its first face.
-    pub(super) fn scatter(&mut self, mesh: Scattered<'_>, vertices: &mut Vertices) -> Result<()> {
+    /// Scatters a mesh whose vertices are `vertices`.
+    pub(super) fn scatter(&mut self, mesh: Scattered<'_>, mut vertices: Vertices) -> Result<()> {
+        let Scattered { source, folder, .. } = mesh;
+        let (chunk, budget_bytes) = (self.chunk, mesh.join_bytes);
+        let mut join = Join { source, chunk, skip: 0, folder, budget_bytes };
         let mut stream = mesh.source.faces()?;
         let (mut chunk, mut ahead) = (TriangleChunk::default(), TriangleChunk::default());
         let max = self.chunk;
@@ -68,10 +77,12 @@ impl<'a> Scatter<'a> {
         while !chunk.is_empty() {
             let (read, worked) = rayon::join(
                 || stream.next_faces(max, &mut ahead),
-                || self.take_chunk(mesh, &chunk, vertices),
+                || self.take_chunk(mesh, &chunk, &mut vertices),
             );
             worked?;
             read?;
+            join.skip += 1;
+            vertices.join_if_thrashing(&join)?;
             std::mem::swap(&mut chunk, &mut ahead);
         }
         Ok(())
@@ -86,12 +97,9 @@ impl<'a> Scatter<'a> {
         self.counts.short_faces += chunk.short_faces;
         let (mut triangles, mut faces) = (&chunk.triangles[..], &chunk.faces[..]);
         while !triangles.is_empty() {
-            let count = match vertices {
-                Vertices::Held(_) => triangles.len(),
-                Vertices::OnDisk(blocks) => blocks.hold(triangles)?,
-            };
+            let count = vertices.hold(triangles)?;
             let held = &*vertices;
-            let corner = |k: usize, c: usize| held.get(triangles[k][c]);
+            let corner = |k: usize, c: usize| held.corner(triangles, k, c);
             if let Some((k, c)) = self.take_corners(&faces[..count], mesh.first_id, corner)? {
                 return Err(unusable_vertex(mesh.source, triangles[k][c], faces[k]));
             }

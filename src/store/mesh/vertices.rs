@@ -1,14 +1,15 @@
 //! The vertices of a mesh while its store is built: on the lattice, packed, reached by number.
 //!
-//! In: lattice points in file order. Out: any vertex. Memory: all of them if they fit; else they lie in a
-//! temporary file, of which blocks are held, the least recently used given up first. Meshes are written with
-//! most faces near their neighbours, so that a few blocks serve; [`VertexBlocks::is_thrashing`] tells when a
-//! file is not such.
+//! In: lattice points in file order. Out: the corners of triangles. Memory: all vertices if they fit; else they lie
+//! in a temporary file, of which blocks are held, the least recently used given up first. Most meshes are written
+//! with faces near their neighbours, so that a few blocks serve; for one that is not, blocks would be read again
+//! and again, and [`super::join`] takes over.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
+use super::join::{Answers, Join};
 use super::lattice::{COORDINATE_LIMIT, LatticePoint};
 use crate::{Error, Result};
 
@@ -91,17 +92,51 @@ pub(super) enum Vertices {
     Held(Vec<u8>),
     /// In a temporary file.
     OnDisk(VertexBlocks),
+    /// The corners of the triangles to come, and of those last held, packed.
+    Joined(Answers, Vec<u8>),
 }
 
 impl Vertices {
-    /// Vertex number `index`, which must be below the count of vertices, and for vertices on disk among those
-    /// last asked for.
-    #[inline]
-    pub(super) fn get(&self, index: u32) -> Option<LatticePoint> {
+    /// Sees to it that the vertices of the first of these triangles are at hand, and tells of how many. Once
+    /// joined, the triangles must come in the order of the file, each once.
+    pub(super) fn hold(&mut self, triangles: &[[u32; 3]]) -> Result<usize> {
         match self {
-            Self::Held(packed) => unpack(packed, index as usize * PACKED_BYTES),
-            Self::OnDisk(blocks) => blocks.get(index),
+            Self::Held(_) => {}
+            Self::OnDisk(blocks) => return blocks.hold(triangles),
+            Self::Joined(answers, packed) => {
+                answers.take(triangles, packed)?;
+                packed.extend_from_slice(&[0; SLACK_BYTES]);
+            }
         }
+        Ok(triangles.len())
+    }
+
+    /// Corner `c` of triangle `k` of those last held; `None` if it is not finite.
+    #[inline]
+    pub(super) fn corner(
+        &self,
+        triangles: &[[u32; 3]],
+        k: usize,
+        c: usize,
+    ) -> Option<LatticePoint> {
+        match self {
+            Self::Held(packed) => unpack(packed, triangles[k][c] as usize * PACKED_BYTES),
+            Self::OnDisk(blocks) => blocks.get(triangles[k][c]),
+            Self::Joined(_, packed) => unpack(packed, (3 * k + c) * PACKED_BYTES),
+        }
+    }
+
+    /// Joins the triangles not yet held with the vertices, if blocks are read again and again.
+    pub(super) fn join_if_thrashing(&mut self, join: &Join<'_>) -> Result<()> {
+        if let Self::OnDisk(blocks) = self
+            && blocks.is_thrashing()
+        {
+            let path = std::mem::take(&mut blocks.path);
+            // The blocks' memory is free before the join takes its own.
+            *self = Self::Held(Vec::new());
+            *self = Self::Joined(join.run(&path)?, Vec::new());
+        }
+        Ok(())
     }
 }
 
@@ -173,7 +208,7 @@ impl VertexBlocks {
 
     /// Sees to it that the vertices of the first of these triangles are held together, and tells of how many:
     /// all of them if the blocks that they name fit.
-    pub(super) fn hold(&mut self, triangles: &[[u32; 3]]) -> Result<usize> {
+    fn hold(&mut self, triangles: &[[u32; 3]]) -> Result<usize> {
         let mut count = triangles.len().min(2 * self.batch);
         loop {
             self.request += 1;
@@ -244,7 +279,7 @@ impl VertexBlocks {
     }
 
     /// Whether blocks are read again and again: the file's faces do not lie near their neighbours.
-    pub(super) fn is_thrashing(&self) -> bool {
+    fn is_thrashing(&self) -> bool {
         self.loads > THRASHING * self.slot_of.len() as u64
     }
 }
@@ -291,12 +326,12 @@ mod tests {
                 (0..500).map(|t| [t, (t * 7919) % 1000, (t * 104_729 + 3) % 1000]).collect();
             let mut rest = &triangles[..];
             while !rest.is_empty() {
-                let Vertices::OnDisk(blocks) = &mut on_disk else { panic!("in memory") };
-                let count = blocks.hold(rest).unwrap();
+                let count = on_disk.hold(rest).unwrap();
+                let Vertices::OnDisk(blocks) = &on_disk else { panic!("in memory") };
                 assert!(count > 0 && blocks.block_in.len() <= blocks.capacity);
-                for &index in rest[..count].iter().flatten() {
-                    assert_eq!(on_disk.get(index), held.get(index));
-                    assert_eq!(on_disk.get(index), point(i64::from(index)));
+                for (k, c) in (0..count).flat_map(|k| [(k, 0), (k, 1), (k, 2)]) {
+                    assert_eq!(on_disk.corner(rest, k, c), held.corner(rest, k, c));
+                    assert_eq!(on_disk.corner(rest, k, c), point(i64::from(rest[k][c])));
                 }
                 rest = &rest[count..];
             }
