@@ -1,7 +1,8 @@
 //! Space-filling curves: neighbours on the curve are neighbours in space.
 //!
 //! J. Skilling (2004), "Programming the Hilbert curve", AIP Conference Proceedings 707, 381–387,
-//! doi:10.1063/1.1751381. Departure: the transposed index is interleaved into one integer.
+//! doi:10.1063/1.1751381. Departures: the transposed index is interleaved into one integer; masks stand for the
+//! branches, which no processor can predict.
 
 /// Position on the Hilbert curve of a cell of a 2-D grid of 2³¹ × 2³¹ cells or fewer.
 ///
@@ -16,42 +17,51 @@ pub fn hilbert2(cell: [u32; 2], bits: u32) -> u64 {
 pub fn hilbert3(cell: [u32; 3], bits: u32) -> u64 {
     let mut axes = cell;
     transpose(&mut axes, bits);
-    interleave(axes, bits)
+    let [x, y, z] = axes.map(spread);
+    x << 2 | y << 1 | z
+}
+
+/// The low 21 bits of `x`, two zero bits between each and the next.
+#[inline]
+fn spread(x: u32) -> u64 {
+    let x = u64::from(x & 0x1f_ffff);
+    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
+    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
+    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
+    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
+    (x | x << 2) & 0x1249_2492_4924_9249
 }
 
 /// Skilling's `AxestoTranspose`: coordinates to the transposed Hilbert index, in place.
 fn transpose<const N: usize>(x: &mut [u32; N], bits: u32) {
     // Inverse undo, from the highest bit down.
-    let top = 1_u32 << (bits - 1);
-    let mut q = top;
-    while q > 1 {
-        let p = q - 1;
+    for bit in (1..bits).rev() {
+        let p = (1_u32 << bit) - 1;
         for i in 0..N {
-            if x[i] & q != 0 {
-                x[0] ^= p;
-            } else {
-                let t = (x[0] ^ x[i]) & p;
-                x[0] ^= t;
-                x[i] ^= t;
-            }
+            // Where the bit is set, the low bits of the first axis are inverted; else exchanged with this axis's.
+            let set = mask(x[i] >> bit & 1);
+            let exchanged = (x[0] ^ x[i]) & p & !set;
+            x[0] ^= (p & set) | exchanged;
+            x[i] ^= exchanged;
         }
-        q >>= 1;
     }
     // Gray encode.
     for i in 1..N {
         x[i] ^= x[i - 1];
     }
     let mut t = 0;
-    q = top;
-    while q > 1 {
-        if x[N - 1] & q != 0 {
-            t ^= q - 1;
-        }
-        q >>= 1;
+    for bit in 1..bits {
+        t ^= ((1 << bit) - 1) & mask(x[N - 1] >> bit & 1);
     }
     for v in x {
         *v ^= t;
     }
+}
+
+/// All bits set for 1, none for 0.
+#[inline]
+fn mask(bit: u32) -> u32 {
+    bit.wrapping_neg()
 }
 
 /// The transposed index as one integer: bit `b` of axis 0 first, then of axis 1, …
@@ -83,6 +93,16 @@ mod tests {
             let (a, b) = (pair[0].unwrap(), pair[1].unwrap());
             assert_eq!(a[0].abs_diff(b[0]) + a[1].abs_diff(b[1]), 1);
         }
+    }
+
+    #[test]
+    fn a_key_keeps_every_bit_of_the_largest_grid() {
+        let last = (1 << 21) - 1;
+        let mut keys = [0, 1, last - 1, last].map(|x| hilbert3([x, x, x], 21));
+        assert!(keys.iter().all(|key| key >> 63 == 0));
+        keys.sort_unstable();
+        assert!(keys.windows(2).all(|pair| pair[0] != pair[1]));
+        assert_eq!(interleave([last, 0, 5], 21), spread(last) << 2 | spread(5));
     }
 
     #[test]

@@ -17,6 +17,10 @@ use std::path::{Path, PathBuf};
 
 use crate::{Error, Result};
 
+/// Linux maps pages that are in its cache up to this far around the one touched, whatever it was advised: on
+/// release those must go too, or reading a store from end to end leaves all of it resident.
+const FAULT_AROUND_BYTES: usize = 1 << 16;
+
 /// A map of one of our own files, which are written under a temporary name, renamed into place, and never
 /// changed after that: the one argument on which every unsafe block here rests.
 #[derive(Debug)]
@@ -76,8 +80,11 @@ impl MappedFile {
         }
     }
 
-    /// Lets the system take the pages of a range back; they are read again when touched. A hint, as above.
+    /// Lets the system take the pages of a range back, and of its neighbourhood, which came with them; they are
+    /// read again when touched. A hint, as above.
     pub(crate) fn release(&self, range: Range<usize>) {
+        let start = range.start.saturating_sub(FAULT_AROUND_BYTES);
+        let range = start..range.end.saturating_add(FAULT_AROUND_BYTES).min(self.map.len());
         #[cfg(unix)]
         if self.get(range.clone()).is_some_and(|bytes| !bytes.is_empty()) {
             let advice = memmap2::UncheckedAdvice::DontNeed;

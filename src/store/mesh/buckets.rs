@@ -80,10 +80,14 @@ impl Bucket {
         let held = std::mem::take(&mut self.held);
         let path = &self.path;
         held.par_chunks(BLOCK_RECORDS * RECORD_BYTES)
-            .map(|block| {
-                let packed = zstd::bulk::compress(block, LEVEL).map_err(|e| Error::io(path, e))?;
-                Ok((packed, block.len() / RECORD_BYTES))
-            })
+            .map_init(
+                || zstd::bulk::Compressor::new(LEVEL),
+                |compressor, block| {
+                    let compressor = compressor.as_mut().map_err(|e| e.kind().into());
+                    let packed = compressor.and_then(|c| c.compress(block));
+                    Ok((packed.map_err(|e| Error::io(path, e))?, block.len() / RECORD_BYTES))
+                },
+            )
             .collect()
     }
 

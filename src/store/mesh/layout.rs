@@ -36,7 +36,7 @@
 //! Partition table, 72 bytes a partition: payload offset u64, payload length u32, CRC-32 of the payload u32,
 //! vertices u32, triangles u32, least lattice coordinates 3 × i64, extent in steps 3 × u64.
 //!
-//! Payload: a vertex's offsets from the partition's least coordinates, 3 × u32 a vertex (3 × u64 if an extent
+//! Payload: a vertex's offsets from the partition's least coordinates, 3 × u32 a vertex (3 × 5 bytes if an extent
 //! is 2³² or more); vertex indices, 3 × u16 a triangle; face ids, ascending: the first as u32, then each
 //! difference to the one before as a variable-length integer (seven bits a byte, low bits first, the high bit
 //! set on all but the last byte).
@@ -312,14 +312,14 @@ impl Entry {
         }
     }
 
-    /// Whether offsets take eight bytes, not four.
-    pub(super) fn is_wide(&self) -> bool {
-        self.extent.iter().any(|&e| e > u64::from(u32::MAX))
+    /// Bytes of an offset: 4, or 5 in a partition of 2³² steps or more.
+    pub(super) fn offset_width(&self) -> usize {
+        if self.extent.iter().any(|&e| e > u64::from(u32::MAX)) { 5 } else { 4 }
     }
 
     /// Bytes of the vertices' offsets.
     pub(super) fn offset_bytes(&self) -> usize {
-        self.vertices as usize * if self.is_wide() { 24 } else { 12 }
+        self.vertices as usize * 3 * self.offset_width()
     }
 
     /// The bounds; valid for a plausible entry.
@@ -519,7 +519,7 @@ mod tests {
             extent: [1, 1 << 32, 0],
         };
         assert_eq!(Entry::decode(&entry.encode()), entry);
-        assert!(entry.is_wide() && entry.is_plausible());
+        assert!(entry.offset_width() == 5 && entry.is_plausible());
         assert_eq!(Node::decode(&entry.node().encode()), entry.node());
     }
 

@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::lattice::{Lattice, LatticePoint};
-use super::layout::{Entry, Node, PARTITION_TRIANGLES, u32_le, u64_le};
+use super::layout::{Entry, Node, PARTITION_TRIANGLES, u32_le};
 use crate::geom::{Bounds3, FaceBlock, FaceId};
 
 /// Slots of the table of vertices: a power of two above twice the most vertices of a partition.
@@ -76,11 +76,12 @@ impl PartitionEncoder {
             min: bounds.min,
             extent: std::array::from_fn(|a| bounds.max[a].abs_diff(bounds.min[a])),
         };
+        let width = entry.offset_width();
         let mut payload = Vec::with_capacity(entry.offset_bytes() + 9 * triangles.len());
         for p in &self.vertices {
             for (k, least) in p.iter().zip(&bounds.min) {
                 let offset = k.abs_diff(*least).to_le_bytes();
-                payload.extend_from_slice(if entry.is_wide() { &offset } else { &offset[..4] });
+                payload.extend_from_slice(&offset[..width]);
             }
         }
         // 4. Indices and ids.
@@ -223,12 +224,12 @@ impl PartitionBuffer {
             lattice.local(std::array::from_fn(|a| entry.min[a].wrapping_add_unsigned(offset[a])))
         };
         self.positions.clear();
-        if entry.is_wide() {
-            self.positions.extend(
-                offsets
-                    .chunks_exact(24)
-                    .map(|bytes| local(std::array::from_fn(|a| u64_le(&bytes[8 * a..])))),
-            );
+        if entry.offset_width() == 5 {
+            self.positions.extend(offsets.chunks_exact(15).map(|bytes| {
+                local(std::array::from_fn(|a| {
+                    u64::from(u32_le(&bytes[5 * a..])) | u64::from(bytes[5 * a + 4]) << 32
+                }))
+            }));
         } else {
             self.positions.extend(
                 offsets.chunks_exact(12).map(|bytes| {
