@@ -42,7 +42,6 @@ impl Partitions for MeshStore {
         let mut buffer = PartitionBuffer::new();
         self.load(id(partition), &mut buffer)?;
         f(&buffer.block());
-        self.release(id(partition));
         Ok(())
     }
 }

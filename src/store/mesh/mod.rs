@@ -3,7 +3,8 @@
 //! In: meshes as streams ([`crate::geom::MeshSource`]) and a memory budget. Out: one immutable, checksummed
 //! file, mapped and queried by [`MeshStore`]. Promises: every vertex has one value, an integer on one
 //! power-of-two lattice; the file's bytes are a function of the meshes alone, not of budget or threads. Memory:
-//! the budget while building; while reading, what is loaded and not released. Does not know any mesh format.
+//! the budget while building; while reading, what is loaded, or all of it if that is allowed. Does not know any mesh
+//! format.
 
 mod buckets;
 mod build;

@@ -158,6 +158,8 @@ pub struct PartitionBuffer {
     triangles: Vec<[u16; 3]>,
     ids: Vec<FaceId>,
     bounds: Bounds3,
+    /// The payload, where it is not mapped.
+    pub(super) copy: Vec<u8>,
 }
 
 impl Default for PartitionBuffer {
@@ -169,8 +171,13 @@ impl Default for PartitionBuffer {
 impl PartitionBuffer {
     /// A buffer that holds nothing.
     pub fn new() -> Self {
-        let (positions, triangles, ids) = (Vec::new(), Vec::new(), Vec::new());
-        Self { positions, triangles, ids, bounds: Bounds3::EMPTY }
+        Self {
+            positions: Vec::new(),
+            triangles: Vec::new(),
+            ids: Vec::new(),
+            bounds: Bounds3::EMPTY,
+            copy: Vec::new(),
+        }
     }
 
     /// The triangles last loaded.
@@ -188,6 +195,7 @@ impl PartitionBuffer {
         self.positions.capacity() * size_of::<DVec3>()
             + self.triangles.capacity() * size_of::<[u16; 3]>()
             + self.ids.capacity() * size_of::<FaceId>()
+            + self.copy.capacity()
     }
 
     /// Decodes a payload whose checksum is right; `entry` must be plausible. On `None` the payload is not what

@@ -2,9 +2,9 @@
 //!
 //! In: a store's file. Out: its counts, bounds, and partitions: which of them a query needs, and their triangles
 //! in the local frame. Promises: a cut, foreign, stale or damaged file is an error, never misread; partitions
-//! come in curve order; any number of threads may read at once. Memory: the tree and the table are mapped; of
-//! the payloads no more stays resident than what is loaded and not yet released, if the store is larger than
-//! the limit given.
+//! come in curve order; any number of threads may read at once. Memory: the tree and the table are mapped, which
+//! is a hundredth of the file or less; so are the payloads of a store within the limit given, while those of a
+//! larger one are copied, and leave nothing resident.
 
 use std::fs::File;
 use std::io::Read;
@@ -33,8 +33,8 @@ pub struct MeshStore {
     map: MappedFile,
     header: Header,
     levels: Vec<Level>,
-    /// Whether the store is too large to stay in memory, so that pages are asked for and given back.
-    is_advised: bool,
+    /// Whether the whole store may stay in memory.
+    is_resident: bool,
 }
 
 impl MeshStore {
@@ -56,13 +56,10 @@ impl MeshStore {
         }
         file.read_exact(&mut raw.0).map_err(|e| Error::io(path, e))?;
         let header = raw.check(path, file_bytes)?;
-        let map = MappedFile::map(&file, path, file_bytes)?;
-        let is_advised = file_bytes > resident_limit_bytes;
-        if is_advised {
-            map.advise_random();
-        }
+        let map = MappedFile::map(file, path, file_bytes)?;
+        let is_resident = file_bytes <= resident_limit_bytes;
         let levels = tree_levels(header.partitions);
-        let store = Self { map, header, levels, is_advised };
+        let store = Self { map, header, levels, is_resident };
         store.check_tables()?;
         Ok(store)
     }
@@ -135,37 +132,41 @@ impl MeshStore {
     /// Decodes a partition into `buffer`, after checking its checksum.
     ///
     /// # Errors
-    /// [`Error::Corrupt`] if the payload is damaged; the buffer then holds nothing.
+    /// [`Error::Corrupt`] if the payload is damaged, and [`Error::Io`] if it cannot be read; what the buffer then
+    /// holds is nothing, or what it held before.
     ///
     /// # Panics
     /// If the store has no such partition.
     pub fn load(&self, id: PartitionId, buffer: &mut PartitionBuffer) -> Result<()> {
         let entry = self.entry(id.0 as usize);
         let range = payload_range(&entry);
-        if self.is_advised {
-            self.map.will_need(range.clone());
+        if self.is_resident {
+            let payload = self.map.get(range).expect("checked when the store was opened");
+            return self.decode(id, &entry, payload, buffer);
         }
-        let payload = self.map.get(range).expect("checked when the store was opened");
+        let mut copy = std::mem::take(&mut buffer.copy);
+        let loaded =
+            self.map.read(range, &mut copy).and_then(|()| self.decode(id, &entry, &copy, buffer));
+        buffer.copy = copy;
+        loaded
+    }
+
+    fn decode(
+        &self,
+        id: PartitionId,
+        entry: &Entry,
+        payload: &[u8],
+        buffer: &mut PartitionBuffer,
+    ) -> Result<()> {
         let found = crc32fast::hash(payload);
         if found != entry.crc {
             *buffer = PartitionBuffer::new();
             let expected = format!("checksum {:08x}", entry.crc);
             return Err(self.corrupt_partition(id, expected, format!("{found:08x}")));
         }
-        buffer.decode(&entry, payload, &self.header.lattice).ok_or_else(|| {
+        buffer.decode(entry, payload, &self.header.lattice).ok_or_else(|| {
             self.corrupt_partition(id, "a partition's payload".into(), "other bytes".into())
         })
-    }
-
-    /// Lets the system take back the memory of a partition's pages; without effect if the store may stay
-    /// resident. Changes no result: a later [`Self::load`] reads them again.
-    ///
-    /// # Panics
-    /// If the store has no such partition.
-    pub fn release(&self, id: PartitionId) {
-        if self.is_advised {
-            self.map.release(payload_range(&self.entry(id.0 as usize)));
-        }
     }
 
     fn corrupt_partition(&self, id: PartitionId, expected: String, found: String) -> Error {
@@ -234,16 +235,13 @@ impl MeshStore {
             let expected = format!("{table} bytes");
             return Err(Error::corrupt(self.path(), "payloads", expected, format!("{end} bytes")));
         }
-        if self.is_advised {
+        if !self.is_resident {
             self.map.release(table..file_bytes);
         }
         Ok(())
     }
 
     fn check_table(&self, name: &str, range: Range<usize>, expected: u32) -> Result<()> {
-        if self.is_advised {
-            self.map.will_need(range.clone());
-        }
         let bytes = self.map.get(range).expect("the header's check found the tables in the file");
         let found = crc32fast::hash(bytes);
         if found == expected {

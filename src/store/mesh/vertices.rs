@@ -15,8 +15,9 @@ use crate::{Error, Result};
 
 /// Bytes of a packed vertex: three coordinates of 40 bits.
 pub(super) const PACKED_BYTES: usize = 15;
-/// Vertices are read sixteen bytes at a time.
-const SLACK_BYTES: usize = 1;
+/// Bytes read for a vertex, and those among them that are not its own.
+const READ_BYTES: usize = 16;
+const SLACK_BYTES: usize = READ_BYTES - PACKED_BYTES;
 const COORDINATE_BITS: u32 = 40;
 const COORDINATE_MASK: u64 = (1 << COORDINATE_BITS) - 1;
 /// Stands for a vertex that is not finite; beyond every coordinate.
@@ -38,8 +39,7 @@ pub(super) fn pack(point: Option<LatticePoint>) -> [u8; PACKED_BYTES] {
 /// The vertex that starts at `bytes[at]`; one byte must follow its 15.
 #[inline]
 pub(super) fn unpack(bytes: &[u8], at: usize) -> Option<LatticePoint> {
-    let bytes: [u8; PACKED_BYTES + SLACK_BYTES] =
-        bytes[at..][..PACKED_BYTES + SLACK_BYTES].try_into().expect("sixteen bytes");
+    let bytes: [u8; READ_BYTES] = bytes[at..][..READ_BYTES].try_into().expect("sixteen bytes");
     let bits = u128::from_le_bytes(bytes);
     #[expect(clippy::cast_possible_truncation, reason = "the mask keeps 40 bits")]
     let coordinate = |axis: u32| (bits >> (axis * COORDINATE_BITS)) as u64 & COORDINATE_MASK;
