@@ -16,6 +16,7 @@ mod part;
 mod part_reader;
 mod part_writer;
 mod run;
+mod scene;
 #[cfg(test)]
 mod tests;
 
@@ -25,3 +26,4 @@ pub use manifest::Manifest;
 pub use part_reader::{PartReader, PartState};
 pub use part_writer::PartWriter;
 pub use run::{Progress, Run, RunSummary, TileRenderer, completed, run};
+pub use scene::SceneTiles;

@@ -132,7 +132,8 @@ mod tests {
         let n = DVec3::new(0.5, -2.0, 3.0);
         let values = b.corners().map(|c| n.dot(c) + 7.0);
         let (lo, hi) = b.linear_range(n, 7.0);
-        assert_eq!(lo, values.into_iter().fold(f64::INFINITY, f64::min));
-        assert_eq!(hi, values.into_iter().fold(f64::NEG_INFINITY, f64::max));
+        let least = values.into_iter().fold(f64::INFINITY, f64::min);
+        let greatest = values.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        assert_eq!((lo.to_bits(), hi.to_bits()), (least.to_bits(), greatest.to_bits()));
     }
 }

@@ -41,7 +41,7 @@ mod tests {
         let (a, b) = (DVec2::new(1e7, 1e7), DVec2::new(3e7, 3e7));
         let on = DVec2::new(2e7, 2e7);
         let above = DVec2::new(2e7, 2e7_f64.next_up());
-        assert_eq!(orient2d(a, b, on), 0.0);
+        assert!(orient2d(a, b, on).abs() < f64::MIN_POSITIVE);
         assert!(orient2d(a, b, above) > 0.0);
         assert!(orient2d(b, a, above) < 0.0);
     }

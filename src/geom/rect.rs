@@ -58,12 +58,12 @@ impl PixelRect {
 
     /// Columns; 0 when empty.
     pub fn width(&self) -> usize {
-        usize::try_from((self.x1 - self.x0).max(0)).expect("a clamped difference is not negative")
+        usize::try_from(self.x1 - self.x0).unwrap_or(0)
     }
 
     /// Rows; 0 when empty.
     pub fn height(&self) -> usize {
-        usize::try_from((self.y1 - self.y0).max(0)).expect("a clamped difference is not negative")
+        usize::try_from(self.y1 - self.y0).unwrap_or(0)
     }
 
     /// Number of pixels.

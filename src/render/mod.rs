@@ -1,1 +1,22 @@
-//! (stage render)
+//! Joins the stages for one rectangle of the mosaic: the only place where stores and stages meet.
+//!
+//! In: a [`Scene`] (mesh store, photo store, photos, mosaic, settings) and a rectangle. Out: an
+//! [`OrthoTile`] and what was found about each photo. [`Renderer::tile`] *is* the data path:
+//! surface; for each view visibility; windows, samples; outliers and blend.
+//! Promise: the pixels depend on the scene and the pixel alone, never on the rectangle, the memory or the thread; the
+//! memory of a [`Renderer`] stays within [`Budget::block_bytes`], because a rectangle that would need more is cut in
+//! four. Starts no thread and writes no file.
+
+mod budget;
+mod colour;
+mod scene;
+mod tile;
+
+pub use budget::Budget;
+pub use scene::{Scene, ScenePhoto};
+pub use tile::Renderer;
+
+pub use crate::blend::{
+    Blend, OrthoTile, Outliers, Settings as BlendSettings, Statistics, Weights,
+};
+pub use crate::sample::Interpolation;

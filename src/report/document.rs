@@ -32,6 +32,10 @@ pub struct Report {
 pub struct Inputs {
     /// The mesh files, in the order of their face ids.
     pub meshes: Vec<MeshInput>,
+    /// Faces without an area, which were dropped.
+    pub degenerate_faces_dropped: u64,
+    /// Vertices with a coordinate that is not finite; no face uses them.
+    pub unused_non_finite_vertices: u64,
     /// The camera set and its photos.
     pub cameras: CameraInput,
 }
@@ -45,10 +49,6 @@ pub struct MeshInput {
     pub vertices: u64,
     /// Faces, polygons counted once, dropped faces counted too.
     pub faces: u64,
-    /// Faces without an area, which were dropped.
-    pub degenerate_faces_dropped: u64,
-    /// Vertices with a coordinate that is not finite; no face uses them.
-    pub unused_non_finite_vertices: u64,
 }
 
 /// What the camera set holds.
@@ -180,7 +180,7 @@ mod tests {
     use crate::report::PhotoTally;
 
     fn report() -> Report {
-        let tally = PhotoTally { seen: 10, used: 9, rejected: 1, residual_256: 2560 };
+        let tally = PhotoTally { seen: 10, compared: 10, used: 9, rejected: 1, residual_256: 2560 };
         Report {
             groundel: "0.1.0".into(),
             inputs: Inputs::default(),

@@ -11,7 +11,9 @@ pub struct PhotoTally {
     pub used: u64,
     /// Pixels where it was dropped as an outlier.
     pub rejected: u64,
-    /// Sum over the pixels seen of the distance of its sample to the blended colour, in 1/256 of an output unit,
+    /// Pixels where it could be compared: those that at least one more photo sees.
+    pub compared: u64,
+    /// Sum over the pixels compared of the distance of its sample to the blended colour, in 1/256 of an output unit,
     /// each rounded to an integer.
     pub residual_256: u64,
 }
@@ -22,6 +24,7 @@ impl PhotoTally {
         self.seen += other.seen;
         self.used += other.used;
         self.rejected += other.rejected;
+        self.compared += other.compared;
         self.residual_256 += other.residual_256;
     }
 }
@@ -39,8 +42,8 @@ pub struct PhotoReport {
     pub pixels_used: u64,
     /// Pixels where it was dropped as an outlier.
     pub pixels_rejected: u64,
-    /// Mean distance of its samples to the blended colour over the pixels seen, in output units (0 … 255 or
-    /// 0 … 65535, Euclidean over the channels); `None` if it sees nothing.
+    /// Mean distance of its samples to the blended colour over the pixels that another photo sees too, in output units (0 … 255 or
+    /// 0 … 65535, Euclidean over the channels); `None` if there is none.
     pub mean_residual: Option<f64>,
     /// The same as a share of the output's range.
     pub mean_residual_share: Option<f64>,
@@ -49,7 +52,8 @@ pub struct PhotoReport {
 impl PhotoReport {
     /// The report of photo `id` from its counts; `range` is the output's greatest value, 255 or 65535.
     pub fn new(id: u32, name: impl Into<String>, tally: &PhotoTally, range: f64) -> Self {
-        let mean = (tally.seen > 0).then(|| tally.residual_256 as f64 / 256.0 / tally.seen as f64);
+        let mean =
+            (tally.compared > 0).then(|| tally.residual_256 as f64 / 256.0 / tally.compared as f64);
         Self {
             id,
             name: name.into(),
@@ -96,19 +100,28 @@ mod tests {
     use super::*;
 
     fn photo(id: u32, residual: u64) -> PhotoReport {
-        let tally = PhotoTally { seen: 10, used: 9, rejected: 1, residual_256: residual * 2560 };
+        let tally = PhotoTally {
+            seen: 10,
+            compared: 10,
+            used: 9,
+            rejected: 1,
+            residual_256: residual * 2560,
+        };
         PhotoReport::new(id, format!("{id}.jpg"), &tally, 255.0)
     }
 
     #[test]
     fn tallies_add_up_in_any_order() {
-        let a = PhotoTally { seen: 3, used: 2, rejected: 1, residual_256: 700 };
-        let b = PhotoTally { seen: 5, used: 5, rejected: 0, residual_256: 11 };
+        let a = PhotoTally { seen: 3, compared: 3, used: 2, rejected: 1, residual_256: 700 };
+        let b = PhotoTally { seen: 5, compared: 5, used: 5, rejected: 0, residual_256: 11 };
         let (mut ab, mut ba) = (a, b);
         ab.add(&b);
         ba.add(&a);
         assert_eq!(ab, ba);
-        assert_eq!(ab, PhotoTally { seen: 8, used: 7, rejected: 1, residual_256: 711 });
+        assert_eq!(
+            ab,
+            PhotoTally { seen: 8, compared: 8, used: 7, rejected: 1, residual_256: 711 }
+        );
     }
 
     #[test]

@@ -45,8 +45,8 @@ impl Report {
     }
 
     fn mesh_line(&self) -> Option<String> {
-        let dropped: u64 = self.inputs.meshes.iter().map(|m| m.degenerate_faces_dropped).sum();
-        let unused: u64 = self.inputs.meshes.iter().map(|m| m.unused_non_finite_vertices).sum();
+        let dropped = self.inputs.degenerate_faces_dropped;
+        let unused = self.inputs.unused_non_finite_vertices;
         (dropped + unused > 0).then(|| {
             format!(
                 "mesh: {dropped} faces without area dropped, {unused} unused vertices not finite"
@@ -96,7 +96,12 @@ mod tests {
 
     fn report(left_out: usize) -> Report {
         let photo = |id: u32, residual: u64| {
-            let tally = PhotoTally { seen: 1, residual_256: residual * 256, ..Default::default() };
+            let tally = PhotoTally {
+                seen: 1,
+                compared: 1,
+                residual_256: residual * 256,
+                ..Default::default()
+            };
             PhotoReport::new(id, format!("IMG_{id}.jpg"), &tally, 255.0)
         };
         let left = |i| LeftOut { photo: format!("gone_{i}.jpg"), reason: "no such file".into() };
@@ -108,7 +113,7 @@ mod tests {
         };
         Report {
             groundel: "0.1.0".into(),
-            inputs: Inputs { meshes: Vec::new(), cameras },
+            inputs: Inputs { cameras, ..Inputs::default() },
             frame: FrameSummary { width: 40, height: 30, pixel_size: 0.002, ..Default::default() },
             settings: serde_json::Map::new(),
             coverage: Coverage::new(1200, &[0, 600], 0),

@@ -6,6 +6,8 @@
 //! 3. The greatest elevation wins, ties go to the lowest id, ties of one id to the earlier triangle in the store.
 //! 4. At the end the triangles that still show somewhere are kept, and the surface points are lifted.
 
+use std::cmp::Ordering;
+
 use glam::DVec3;
 
 use super::{SurfaceFace, SurfaceTile};
@@ -75,7 +77,8 @@ impl SurfaceBuilder {
         let mut shown = false;
         let (rect, stride) = (*rect, rect.x1 - rect.x0);
         scan(triangle, &rect, |x, y, [u, v]| {
-            let elevation = (heights[0] + (u * second + v * third)).clamp(low, high);
+            // `+ 0.0`: a negative zero is zero, so that equal elevations compare equal.
+            let elevation = (heights[0] + (u * second + v * third)).clamp(low, high) + 0.0;
             if elevation < slab_low || elevation > slab_high {
                 return;
             }
@@ -83,10 +86,11 @@ impl SurfaceBuilder {
                 usize::try_from((y - rect.y0) * stride + x - rect.x0).expect("inside the tile");
             let wins = match faces_at[at] {
                 SurfaceTile::NO_FACE => true,
-                other => {
-                    elevation > elevations[at]
-                        || (elevation == elevations[at] && id < faces[other as usize].id)
-                }
+                other => match elevation.total_cmp(&elevations[at]) {
+                    Ordering::Greater => true,
+                    Ordering::Equal => id < faces[other as usize].id,
+                    Ordering::Less => false,
+                },
             };
             if wins {
                 elevations[at] = elevation;

@@ -31,13 +31,11 @@ impl ViewPhoto {
 
     /// Whether some point of the box might fall into the frame; `false` is proven.
     pub fn may_see(&self, bounds: &Bounds3) -> bool {
-        match &self.ray_bounds {
-            Some(rays) => Shaft::new(self, rays, f64::INFINITY).may_meet(bounds),
-            None => {
-                let z = self.pose.rotation.row(2);
-                bounds.linear_range(z, -z.dot(self.pose.centre)).1 > 0.0
-            }
+        if let Some(rays) = &self.ray_bounds {
+            return Shaft::new(self, rays, f64::INFINITY).may_meet(bounds);
         }
+        let axis = self.pose.rotation.row(2);
+        bounds.linear_range(axis, -axis.dot(self.pose.centre)).1 > 0.0
     }
 }
 

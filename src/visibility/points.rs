@@ -39,6 +39,9 @@ pub struct BlockPoints {
 impl BlockPoints {
     /// Lists the points of `surface` that lie before the photo, in its frame and on the right side of their face;
     /// until a face is found before it, each counts as seen. `tolerance_m` is ε; `rays` receives the points.
+    ///
+    /// # Panics
+    /// If the tile has 2³² pixels or more.
     pub fn start(
         &mut self,
         surface: &SurfaceTile,

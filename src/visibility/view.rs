@@ -49,7 +49,10 @@ impl ViewTile {
         self.projections.resize(surface.vertices.len(), Projection::Unknown);
     }
 
-    /// Computes the view of `pixels` of the surface tile.
+    /// Computes the view of `pixels` of the surface tile, which the photo sees.
+    ///
+    /// # Panics
+    /// If a pixel shows no surface or is outside the tile.
     pub fn view(
         &mut self,
         surface: &SurfaceTile,

@@ -1,0 +1,74 @@
+//! What a job reads: meshes and oriented photos.
+
+use std::path::Path;
+
+use super::super::config::Config;
+use crate::camera::{CameraSet, Photo};
+use crate::geom::MeshSource;
+use crate::input::{open_mesh, read_cameras};
+use crate::report::LeftOut;
+use crate::{Error, Result};
+
+/// The meshes and the photos that were chosen.
+#[derive(Debug)]
+pub(super) struct Inputs {
+    pub(super) meshes: Vec<Box<dyn MeshSource>>,
+    pub(super) cameras: CameraSet,
+    /// The photos to use, by id.
+    pub(super) photos: Vec<Photo>,
+    /// Photos that were chosen but cannot be used, by id.
+    pub(super) left_out: Vec<LeftOut>,
+}
+
+impl Inputs {
+    /// Reads the cameras and the heads of the meshes.
+    pub(super) fn read(config: &Config) -> Result<Self> {
+        let meshes = config.meshes.iter().map(|path| open_mesh(path)).collect::<Result<_>>()?;
+        let cameras = read_cameras(&config.cameras)?;
+        check_folder(&config.photos)?;
+        if let Some(pattern) = config.choice.idle_pattern(&cameras.names) {
+            let message =
+                format!("no photo of {} is named like {pattern:?}", config.cameras.display());
+            return Err(Error::usage(format!("--include or --exclude: {message}")));
+        }
+        let chosen = |name: &str| config.choice.wants(name);
+        let photos: Vec<_> = cameras.photos.iter().filter(|p| chosen(&p.name)).cloned().collect();
+        let left_out: Vec<_> = cameras
+            .left_out
+            .iter()
+            .filter(|p| chosen(&p.name))
+            .map(|p| LeftOut { photo: p.name.clone(), reason: p.reason.clone() })
+            .collect();
+        if photos.is_empty() {
+            return Err(Error::usage(no_photo(config, &cameras, &left_out)));
+        }
+        Ok(Self { meshes, cameras, photos, left_out })
+    }
+}
+
+fn check_folder(path: &Path) -> Result<()> {
+    let found = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    if found.is_dir() {
+        Ok(())
+    } else {
+        Err(Error::corrupt(path, "--photos", "a folder of photos", "a file"))
+    }
+}
+
+/// Why there is no photo to use.
+fn no_photo(config: &Config, cameras: &CameraSet, left_out: &[LeftOut]) -> String {
+    let set = config.cameras.display();
+    match left_out.first() {
+        Some(first) => format!(
+            "no photo of {set} can be used: {} are left out, the first is {}: {}",
+            left_out.len(),
+            first.photo,
+            first.reason
+        ),
+        None if cameras.names.is_empty() => format!("{set} holds no oriented photo"),
+        None => format!(
+            "--include and --exclude leave none of the {} photos of {set}",
+            cameras.names.len()
+        ),
+    }
+}

@@ -1,0 +1,197 @@
+//! The plan of a job: its grid, its scene, its manifest and where its files go.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use xxhash_rust::xxh3::xxh3_128;
+
+use super::super::config::Config;
+use super::super::console;
+use super::choices;
+use super::inputs::Inputs;
+use super::stores::Stores;
+use crate::batch::Manifest;
+use crate::camera::Photo;
+use crate::frame::{Mosaic, frame_toml};
+use crate::image::{Colour, Depth};
+use crate::output::{Georeference, Layer, Meaning, TileFormat, parse_crs};
+use crate::plan::{Slab, check_meeting, check_pixels, default_extent, default_pixel_size};
+use crate::render::{self, Scene, ScenePhoto};
+use crate::report::LeftOut;
+use crate::store::mesh::MeshStore;
+use crate::store::photo::PhotoStore;
+use crate::{Error, Result};
+
+/// ε of the occlusion test where `--occlusion-tolerance` does not say: this part of a mosaic pixel.
+const TOLERANCE_PX: f64 = 0.02;
+
+/// All that rendering needs, decided once.
+#[derive(Debug)]
+pub(super) struct Job {
+    pub(super) mosaic: Mosaic,
+    pub(super) scene: Scene,
+    pub(super) photos: Vec<Photo>,
+    pub(super) left_out: Vec<LeftOut>,
+    pub(super) manifest: Manifest,
+    /// The job's folder in the work folder.
+    pub(super) folder: PathBuf,
+    /// Its part file.
+    pub(super) part: PathBuf,
+    /// The file of each layer of the manifest.
+    pub(super) outputs: Vec<PathBuf>,
+}
+
+impl Job {
+    /// Decides grid, colour, depth and layers.
+    pub(super) fn plan(config: &Config, inputs: &Inputs, stores: Stores) -> Result<Self> {
+        let Stores { mesh, pixels, photos, left_out } = stores;
+        let mosaic = grid(config, &mesh, &photos)?;
+        let (colour, depth) = colour_and_depth(&pixels, &photos);
+        let blend = render::BlendSettings {
+            outliers: choices::outliers(config.outliers),
+            beta: config.beta,
+            weights: choices::weights(config.weights),
+            blend: choices::blend(config.blend),
+            colour,
+            depth,
+            undefined: config.undefined,
+        };
+        blend.check()?;
+        let tolerance_m = config.occlusion_tolerance_m.unwrap_or(TOLERANCE_PX * mosaic.pixel_size);
+        let rendering = Rendering {
+            interpolation: choices::interpolation(config.interpolation),
+            blend,
+            tolerance_m,
+        };
+        let settings = fingerprint(&mosaic, &mesh, &pixels, &photos, &rendering);
+        let manifest = manifest(config, inputs, &mosaic, &rendering, settings)?;
+        let origin = mesh.origin();
+        let scene = Scene {
+            mosaic: mosaic.local(origin),
+            photos: photos
+                .iter()
+                .map(|p| scene_photo(p, origin, &pixels, depth))
+                .collect::<Result<_>>()?,
+            mesh,
+            pixels,
+            interpolation: rendering.interpolation,
+            blend,
+            names: inputs.cameras.names.len(),
+            tolerance_m: rendering.tolerance_m,
+        };
+        let folder = config.work.join(format!("job-{:032x}", manifest.fingerprint()));
+        fresh_folder(&folder)?;
+        manifest.save(&folder.join("manifest.json"))?;
+        let outputs = manifest.layers().iter().map(|l| config.layer_file(l.meaning())).collect();
+        let part = folder.join("part-0");
+        Ok(Self { mosaic, scene, photos, left_out, manifest, folder, part, outputs })
+    }
+}
+
+/// What decides a pixel besides the inputs.
+#[derive(Debug)]
+struct Rendering {
+    interpolation: render::Interpolation,
+    blend: render::BlendSettings,
+    tolerance_m: f64,
+}
+
+/// The mosaic's grid: what the frame and the flags say, and the defaults for what they do not.
+fn grid(config: &Config, mesh: &MeshStore, photos: &[Photo]) -> Result<Mosaic> {
+    let plane = &config.plane;
+    let elevation = plane.elevation.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    let slab = Slab { plane, elevation };
+    let pixel_size = if let Some(size) = plane.pixel_size {
+        size
+    } else {
+        let size = default_pixel_size(mesh, slab, plane.extent, photos)?;
+        console::note(&format!(
+            "groundel: --pixel-size {size} (the median footprint of a photo pixel)"
+        ));
+        size
+    };
+    let extent = match plane.extent {
+        Some(extent) => {
+            check_meeting(mesh, slab, extent)?;
+            extent
+        }
+        None => default_extent(mesh, slab, pixel_size)?,
+    };
+    let mosaic = Mosaic::new(plane.clone(), pixel_size, extent, elevation)?;
+    let photo_pixels = photos.iter().map(|p| p.lens.size().area()).sum();
+    check_pixels(mosaic.size, photo_pixels, config.force)?;
+    Ok(mosaic)
+}
+
+/// RGB if any photo has colour, 16 bit if any photo has.
+fn colour_and_depth(pixels: &PhotoStore, photos: &[Photo]) -> (Colour, Depth) {
+    let any = |test: &dyn Fn(usize) -> bool| photos.iter().any(|p| test(p.id.0 as usize));
+    let colour = if any(&|k| pixels.channels(k) > 1) { Colour::Rgb } else { Colour::Grey };
+    let depth = if any(&|k| pixels.bits(k) > 8) { Depth::Sixteen } else { Depth::Eight };
+    (colour, depth)
+}
+
+fn scene_photo(photo: &Photo, origin: DVec3, pixels: &PhotoStore, to: Depth) -> Result<ScenePhoto> {
+    let limit = u64::from(render::OrthoTile::NO_PHOTO) - 1;
+    let index = u16::try_from(photo.id.0).ok().filter(|&i| u64::from(i) <= limit);
+    let index = index.ok_or_else(|| Error::Limit {
+        what: "index of a photo in the camera set (the layer `best` has 16 bits)".into(),
+        limit,
+        found: photo.id.0.into(),
+    })?;
+    let own = if pixels.bits(photo.id.0 as usize) > 8 { Depth::Sixteen } else { Depth::Eight };
+    Ok(ScenePhoto::new(index, photo, origin, own.gain(to)))
+}
+
+/// Identifies everything that decides a pixel: inputs and settings. Debug forms of f64 read back to the same bits.
+fn fingerprint(
+    mosaic: &Mosaic,
+    mesh: &MeshStore,
+    pixels: &PhotoStore,
+    photos: &[Photo],
+    rendering: &Rendering,
+) -> String {
+    let mut text = format!("{}\n{:?}\n{rendering:?}\n", frame_toml(mosaic), mesh.key());
+    let photo_line = |p: &Photo| format!("{p:?} {:?}\n", pixels.fingerprint(p.id.0 as usize));
+    text.extend(photos.iter().map(photo_line));
+    format!("{:032x}", xxh3_128(text.as_bytes()))
+}
+
+fn manifest(
+    config: &Config,
+    inputs: &Inputs,
+    mosaic: &Mosaic,
+    rendering: &Rendering,
+    settings: String,
+) -> Result<Manifest> {
+    let epsg = mosaic.plane.crs.as_deref().map(parse_crs).transpose()?;
+    let [origin_u, _, _, origin_v] = mosaic.extent;
+    let georeference = Georeference { origin_u, origin_v, pixel_size: mosaic.pixel_size, epsg };
+    let frame = frame_toml(mosaic);
+    let mut layers = vec![Layer::mosaic(rendering.blend.colour, rendering.blend.depth)];
+    layers.extend(config.layers.iter().filter_map(|&meaning| Layer::of(meaning)));
+    let with_items = |layer: Layer| {
+        let layer = layer.with_item("GROUNDEL_FRAME", frame.clone());
+        match layer.meaning() {
+            Meaning::Best => {
+                inputs.cameras.names.iter().enumerate().fold(layer, |layer, (k, name)| {
+                    layer.with_item(format!("PHOTO_{k}"), name.clone())
+                })
+            }
+            _ => layer,
+        }
+    };
+    let layers = layers.into_iter().map(with_items).collect();
+    let format = TileFormat { tile_size: config.tile_size, compression: config.compression };
+    Manifest::new(mosaic.size, format, layers, Some(georeference), settings)
+}
+
+/// An empty folder: what an earlier run left is dropped, so that the report counts every tile of this run.
+fn fresh_folder(folder: &Path) -> Result<()> {
+    match fs::remove_dir_all(folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io(folder, e)),
+        _ => {}
+    }
+    fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
+}

@@ -1,0 +1,160 @@
+//! Windows, samples and blend of a block, sub-block by sub-block.
+
+use glam::DVec2;
+
+use crate::Result;
+use crate::blend::{OrthoTile, SampleTile, Statistics, blend_into};
+use crate::geom::{PixelRect, Size};
+use crate::image::{Image, Samples, Window};
+use crate::sample::{level_of, sample_into, taps_of};
+use crate::surface::SurfaceTile;
+use crate::visibility::{SUB_BLOCK, ViewTile};
+
+use super::Scene;
+use super::tile::View;
+
+/// Largest window, pixels: points whose taps lie farther apart are sampled in parts. Four photo tiles.
+const WINDOW_AREA: usize = 4 * 256 * 256;
+
+/// Colours one block after another, reusing its memory.
+#[derive(Debug)]
+pub(super) struct Colouring {
+    sampler: Sampler,
+    samples: SampleTile,
+    /// Pixels of the sub-block and weights of the view last sampled.
+    pixels: Vec<u32>,
+    weights: Vec<f64>,
+    pub(super) statistics: Statistics,
+}
+
+impl Colouring {
+    pub(super) fn new(scene: &Scene) -> Self {
+        Self {
+            sampler: Sampler::default(),
+            samples: SampleTile::new(),
+            pixels: Vec::new(),
+            weights: Vec::new(),
+            statistics: Statistics::new(scene.names),
+        }
+    }
+
+    /// Stages 3 to 5 of a block: samples of every view, outliers, blend.
+    pub(super) fn block(
+        &mut self,
+        scene: &Scene,
+        surface: &SurfaceTile,
+        views: &mut [View],
+        tile: &mut OrthoTile,
+    ) -> Result<()> {
+        tile.set_surface(surface.rect, |k| {
+            surface.face_at(k).map(|f| (surface.elevations[k], f.id))
+        });
+        for (k, sub) in surface.rect.blocks(SUB_BLOCK).enumerate() {
+            self.samples.begin(sub);
+            for view in &mut *views {
+                let photo = &scene.photos[view.photo];
+                view.tile.view(surface, &scene.mosaic, &photo.view, view.points.seen_in(k));
+                if view.tile.points.is_empty() {
+                    continue;
+                }
+                self.sampler.sample(scene, usize::from(photo.index), &view.tile)?;
+                self.gather(surface.rect, sub, &view.tile);
+                let colours = &self.sampler.colours;
+                self.samples.push(photo.index, photo.gain, &self.pixels, colours, &self.weights);
+            }
+            blend_into(&scene.blend, &mut self.samples, tile, &mut self.statistics);
+        }
+        Ok(())
+    }
+
+    /// Pixels of `sub` and weights of the points of a view.
+    fn gather(&mut self, block: PixelRect, sub: PixelRect, view: &ViewTile) {
+        let index = |v: i64| usize::try_from(v).expect("a sub-block lies in its block");
+        let (left, top) = (index(sub.x0 - block.x0), index(sub.y0 - block.y0));
+        self.pixels.clear();
+        self.pixels.extend(view.points.iter().map(|p| {
+            let (x, y) = (p.pixel as usize % block.width(), p.pixel as usize / block.width());
+            u32::try_from((y - top) * sub.width() + x - left).expect("a small block")
+        }));
+        self.weights.clear();
+        self.weights.extend(view.points.iter().map(|p| p.weight));
+    }
+}
+
+/// Samples the points of one view after another, reusing its memory.
+#[derive(Debug)]
+struct Sampler {
+    window: Window,
+    levels: Vec<u32>,
+    /// Points of one level.
+    chosen: Vec<u32>,
+    positions: Vec<DVec2>,
+    sampled: Vec<[f32; 3]>,
+    /// Colour of each point of the view last sampled, in the photo's range.
+    colours: Vec<[f32; 3]>,
+}
+
+impl Default for Sampler {
+    fn default() -> Self {
+        let samples = Samples::U8(Image::filled(Size::new(0, 0), 1, 0));
+        Self {
+            window: Window { level: 0, rect: PixelRect::default(), samples },
+            levels: Vec::new(),
+            chosen: Vec::new(),
+            positions: Vec::new(),
+            sampled: Vec::new(),
+            colours: Vec::new(),
+        }
+    }
+}
+
+impl Sampler {
+    /// Samples every point of `view` from photo `k` of the store, each at the level of its own footprint.
+    fn sample(&mut self, scene: &Scene, k: usize, view: &ViewTile) -> Result<()> {
+        let levels = scene.pixels.levels(k);
+        self.levels.clear();
+        self.levels.extend(view.points.iter().map(|p| level_of(p.footprint_squared, levels)));
+        self.colours.clear();
+        self.colours.resize(view.points.len(), [0.0; 3]);
+        for level in 0..levels {
+            let mut chosen = std::mem::take(&mut self.chosen);
+            chosen.clear();
+            chosen
+                .extend((0_u32..).zip(&self.levels).filter(|(_, l)| **l == level).map(|(i, _)| i));
+            let done = self.sample_level(scene, k, view, level, &chosen);
+            self.chosen = chosen;
+            done?;
+        }
+        Ok(())
+    }
+
+    /// Samples the `chosen` points at one level: in one window, or in halves where that would be too large.
+    fn sample_level(
+        &mut self,
+        scene: &Scene,
+        k: usize,
+        view: &ViewTile,
+        level: u32,
+        chosen: &[u32],
+    ) -> Result<()> {
+        if chosen.is_empty() {
+            return Ok(());
+        }
+        self.positions.clear();
+        self.positions.extend(chosen.iter().map(|&i| view.points[i as usize].position));
+        let rect = taps_of(scene.interpolation, &self.positions, level);
+        if rect.area() > WINDOW_AREA && chosen.len() > 1 {
+            let (first, second) = chosen.split_at(chosen.len() / 2);
+            self.sample_level(scene, k, view, level, first)?;
+            return self.sample_level(scene, k, view, level, second);
+        }
+        scene.pixels.window_into(k, level, rect, &mut self.window)?;
+        self.sampled.clear();
+        self.sampled.resize(chosen.len(), [0.0; 3]);
+        sample_into(&self.window, scene.interpolation, &self.positions, &mut self.sampled);
+        for (&i, &colour) in chosen.iter().zip(&self.sampled) {
+            self.colours[i as usize] = colour;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,51 @@
+//! What a job renders.
+
+use glam::DVec3;
+
+use crate::blend;
+use crate::camera::Photo;
+use crate::frame::LocalMosaic;
+use crate::sample::Interpolation;
+use crate::store::mesh::MeshStore;
+use crate::store::photo::PhotoStore;
+use crate::visibility::ViewPhoto;
+
+/// A photo of the job.
+#[derive(Debug)]
+pub struct ScenePhoto {
+    /// Its index in the *whole* camera set ordered by bytewise name, as the `best` layer bears it.
+    pub index: u16,
+    /// Its orientation, in the mesh store's local frame.
+    pub view: ViewPhoto,
+    /// What its samples are multiplied by to reach the mosaic's range: 257 for an 8-bit photo of a 16-bit mosaic.
+    pub gain: f32,
+}
+
+impl ScenePhoto {
+    /// A photo of a job whose mesh store has its local frame's origin at `origin_ground`.
+    pub fn new(index: u16, photo: &Photo, origin_ground: DVec3, gain: f32) -> Self {
+        let view = ViewPhoto::new(photo.lens, photo.pose.relative_to(origin_ground));
+        Self { index, view, gain }
+    }
+}
+
+/// All that a tile depends on. Photos are in the order of their index, by which the photo store knows them too.
+#[derive(Debug)]
+pub struct Scene {
+    /// The mosaic, in the mesh store's local frame.
+    pub mosaic: LocalMosaic,
+    /// The mesh.
+    pub mesh: MeshStore,
+    /// The photos' pixels.
+    pub pixels: PhotoStore,
+    /// The photos' orientations.
+    pub photos: Vec<ScenePhoto>,
+    /// How photos are sampled.
+    pub interpolation: Interpolation,
+    /// How samples become a pixel.
+    pub blend: blend::Settings,
+    /// Number of photos in the whole camera set.
+    pub names: usize,
+    /// The part of the segment before a surface point in which a face does not occlude it, metres.
+    pub tolerance_m: f64,
+}
