@@ -5,6 +5,8 @@
 
 mod caster;
 mod facade;
+mod facade_set;
+mod files;
 mod metrics;
 mod oracle;
 mod photograph;
@@ -22,6 +24,8 @@ mod texture;
 
 pub use caster::{CastHit, Caster};
 pub use facade::{FACADE_SIZE, facade};
+pub use facade_set::{FacadeSet, Written};
+pub use files::{names, write_colmap, write_picture, write_project, write_triangles};
 pub use metrics::{Likeness, Plane, likeness, ssim};
 pub use oracle::{Oracle, Outcome, Sight, Verdict};
 pub use photograph::{Depth, SKY, Sampling, photograph};

@@ -103,9 +103,10 @@ impl Texture {
     /// The texture whose shortest wavelength is `finest_m` metres.
     pub fn new(finest_m: f64) -> Self {
         let mut random = Random::new(0x6772_6f75_6e64);
-        let waves = WAVES.iter().map(|&(ratio, amplitude)| {
-            // Directions near the façade's plane, so that the pattern is not seen end-on from the front.
-            let angle = random.between(0.0, std::f64::consts::PI);
+        let waves = WAVES.iter().zip(0_u32..).map(|(&(ratio, amplitude), k)| {
+            // Directions spread by the golden section, near the façade's plane, so that no wave is seen end-on
+            // from the front.
+            let angle = 0.3 + std::f64::consts::PI * 0.618 * f64::from(k);
             let tilt = random.between(-0.5, 0.5);
             let in_plane = DVec3::new(libm::cos(angle), libm::sin(angle), 0.0);
             let direction = in_plane * libm::cos(tilt) + DVec3::Z * libm::sin(tilt);
