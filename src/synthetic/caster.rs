@@ -90,7 +90,10 @@ impl Caster {
     /// neighbouring ray, if there is one, makes the search shorter and changes nothing else.
     pub fn cast(&self, from: DVec3, along: DVec3, near: Option<&CastHit>) -> Option<CastHit> {
         let from = from - self.origin;
-        let inverse = DVec3::ONE / along;
+        // A direction's 0 becomes almost 0: no infinity, and so no NaN, in the test of boxes.
+        let almost = |c: f64| if c.abs() < 1e-300 { 1e-300 } else { c };
+        let inverse =
+            DVec3::new(1.0 / almost(along.x), 1.0 / almost(along.y), 1.0 / almost(along.z));
         let mut best = (f64::INFINITY, u32::MAX);
         if let Some(hit) = near {
             self.try_triangle(hit.triangle, from, along, &mut best);
@@ -231,17 +234,11 @@ fn bounds_of(t: &Triangle) -> Bounds3 {
 }
 
 /// Where a ray enters a box, 0 if it starts inside; infinity if it misses it.
-///
-/// A ray within a face of the box makes NaN, which `min` and `max` of f64 leave out: the box is then not missed.
 #[inline]
 fn entry(bounds: &Bounds3, from: DVec3, inverse: DVec3) -> f64 {
-    let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
-    for axis in 0..3 {
-        let one = (bounds.min[axis] - from[axis]) * inverse[axis];
-        let two = (bounds.max[axis] - from[axis]) * inverse[axis];
-        enter = enter.max(one.min(two));
-        leave = leave.min(one.max(two));
-    }
+    let (one, two) = ((bounds.min - from) * inverse, (bounds.max - from) * inverse);
+    let enter = one.min(two).max(DVec3::ZERO).max_element();
+    let leave = one.max(two).min_element();
     if enter <= leave { enter } else { f64::INFINITY }
 }
 

@@ -130,7 +130,7 @@ impl FacadeSet {
         write_ply(&folder.join(names::MESH), &mesh, &PlyOptions::default())?;
         let caster = Caster::of_scene(&scene);
         for photo in photos(&shots)?.photos {
-            let picture = Samples::U8(photograph(&caster, &photo, Sampling::Edges(4), 3));
+            let picture = Samples::U8(photograph(&caster, &photo, Sampling::Edges(3), 3));
             write_picture(&folder.join(names::PHOTOS).join(&photo.name), &picture)?;
         }
         Ok(Written { faces: mesh.face_count(), photos: shots.len() })
@@ -170,3 +170,70 @@ impl FacadeSet {
 
 /// An elevation before all of the façade, metres.
 const FRONT: f64 = 5.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::likeness;
+
+    #[test]
+    fn the_paper_s_mosaic_is_3720_by_2775_pixels() {
+        assert_eq!(FacadeSet::paper().plane().size(), Size::new(3720, 2775));
+    }
+
+    #[test]
+    fn almost_all_of_the_facade_is_seen_by_some_photo_and_most_by_three() {
+        let set = FacadeSet::demo();
+        let caster = Caster::of_scene(&set.scene());
+        let photos = photos(&set.shots()).unwrap().photos;
+        let (mut points, mut once, mut thrice) = (0, 0, 0);
+        for y in 1..110 {
+            for x in 1..148 {
+                let from = DVec3::new(f64::from(x) * 0.05, f64::from(y) * 0.05, 5.0);
+                let from = set.placement.ground_from_scene(from);
+                let hit = caster.cast(from, -set.placement.n(), None).unwrap();
+                let sees = |photo: &&crate::camera::Photo| {
+                    let c = photo.pose.camera_from_ground(hit.ground);
+                    let at = photo.lens.photo_from_ray(c.truncate() / c.z);
+                    let along = hit.ground - photo.pose.centre_ground;
+                    let first = caster.cast(photo.pose.centre_ground, along, None);
+                    c.z > 0.0
+                        && at.is_some_and(|at| photo.lens.contains(at))
+                        && first.is_some_and(|f| f.ground.distance(hit.ground) < 1e-3)
+                };
+                let count = photos.iter().filter(sees).count();
+                points += 1;
+                once += u32::from(count >= 1);
+                thrice += u32::from(count >= 3);
+            }
+        }
+        assert!(once * 100 > points * 96, "{once} of {points}");
+        assert!(thrice * 100 > points * 80, "{thrice} of {points}");
+    }
+
+    #[test]
+    fn a_small_set_is_written_and_its_expected_mosaic_covers_the_facade() {
+        let set = FacadeSet {
+            faces: 5_000,
+            photo: Size::new(64, 48),
+            pixel_size: 0.05,
+            finest_m: 0.5,
+            ..FacadeSet::demo()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let written = set.write(folder.path()).unwrap();
+        assert!(written.faces >= 5_000 && written.photos == 7);
+        for k in 1..=7 {
+            let photo =
+                ::image::open(folder.path().join(format!("photos/IMG_{k:04}.jpg"))).unwrap();
+            assert_eq!((photo.width(), photo.height()), (64, 48));
+        }
+        let (colours, mask) = set.expected();
+        assert_eq!(colours.size(), set.plane().size());
+        let found = likeness(colours.view(), colours.view(), mask.view());
+        assert!(
+            found.pixels * 100 > set.plane().size().area() * 90
+                && found.pixels < set.plane().size().area()
+        );
+    }
+}

@@ -204,3 +204,93 @@ fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     }
     fs::write(path, bytes).map_err(|e| Error::io(path, e))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::FrameSpec;
+    use crate::geom::Size;
+    use crate::input::{Project, read_cameras};
+    use crate::synthetic::{Random, photos, scenes};
+
+    #[test]
+    fn the_written_cameras_read_back_to_the_same_photos_bit_by_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        for scene in scenes::all() {
+            let path = folder.path().join(scene.name);
+            write_colmap(&path, &scene.shots).unwrap();
+            assert_eq!(
+                read_cameras(&path).unwrap(),
+                photos(&scene.shots).unwrap(),
+                "{}",
+                scene.name
+            );
+        }
+    }
+
+    #[test]
+    fn the_written_project_names_its_files_and_holds_its_frame() {
+        let folder = tempfile::tempdir().unwrap();
+        for scene in [scenes::oblique(), scenes::hidden_section()] {
+            write_project(folder.path(), &scene.plane, &["face", "count"]).unwrap();
+            let project = Project::read(folder.path().join(names::PROJECT)).unwrap();
+            assert_eq!(project.mesh, [folder.path().join("mesh.ply")]);
+            assert_eq!(project.photos, Some(folder.path().join("photos")));
+            assert_eq!(project.cameras, Some(folder.path().join("sparse")));
+            assert_eq!(project.layers, ["face", "count"]);
+            let Some(FrameSpec::Plane(plane)) = project.frame else { panic!("a plane") };
+            assert_eq!(
+                (plane.origin, plane.u, plane.v),
+                (scene.plane.origin, scene.plane.u_axis, scene.plane.v_axis)
+            );
+            assert_eq!(plane.extent, Some(scene.plane.extent));
+            assert_eq!(plane.elevation, scene.plane.elevation);
+        }
+    }
+
+    fn noise<T: Copy>(channels: usize, of: impl Fn(u64) -> T) -> Image<T> {
+        let (size, mut r) = (Size::new(19, 11), Random::new(4));
+        Image::from_data(size, channels, (0..19 * 11 * channels).map(|_| of(r.bits())).collect())
+    }
+
+    #[test]
+    fn a_png_holds_every_sample_of_8_and_16_bits_in_grey_and_colour() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sub folder/a.PNG");
+        for channels in [1, 3] {
+            let eight = noise(channels, |b| b.to_le_bytes()[7]);
+            write_picture(&path, &Samples::U8(eight.clone())).unwrap();
+            assert_eq!(::image::open(&path).unwrap().as_bytes(), eight.data());
+            let sixteen =
+                noise(channels, |b| u16::from_le_bytes([b.to_le_bytes()[6], b.to_le_bytes()[7]]));
+            write_picture(&path, &Samples::U16(sixteen.clone())).unwrap();
+            let read = ::image::open(&path).unwrap();
+            let read = if channels == 1 {
+                read.into_luma16().into_raw()
+            } else {
+                read.into_rgb16().into_raw()
+            };
+            assert_eq!(read, sixteen.data());
+        }
+    }
+
+    #[test]
+    fn a_jpeg_is_not_subsampled_and_comes_near_and_16_bits_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.jpg");
+        let mut picture = Image::filled(Size::new(32, 16), 3, 90_u8);
+        for x in 16..32 {
+            picture.pixel_mut(x, 5)[0] = 160;
+        }
+        write_picture(&path, &Samples::U8(picture.clone())).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        let frame = bytes.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+        // Sampling factors of the three components.
+        assert!([11, 14, 17].iter().all(|k| bytes[frame + k] == 0x11));
+        let read = ::image::open(&path).unwrap().into_rgb8().into_raw();
+        assert!(read.iter().zip(picture.data()).all(|(a, b)| a.abs_diff(*b) < 24));
+        let deep = Samples::U16(Image::filled(Size::new(2, 2), 1, 7));
+        assert!(matches!(write_picture(&path, &deep), Err(Error::Usage(_))));
+        assert!(write_picture(&folder.path().join("a.gif"), &Samples::U8(picture)).is_err());
+    }
+}

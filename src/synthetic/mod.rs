@@ -19,6 +19,7 @@ mod scene;
 pub mod scenes;
 mod shift;
 mod shot;
+mod source;
 mod test_scene;
 mod texture;
 

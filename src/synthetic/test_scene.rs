@@ -1,16 +1,19 @@
 //! [`TestScene`]: a small mesh, photos, a mosaic frame and a texture, with all answers known.
 
+use std::path::Path;
+
 use glam::DVec3;
 
 use super::photograph::write;
 use super::{
-    Caster, Depth, Oracle, Part, Placement, PlaneSpec, Refinement, Scene, Shot, Sight, Texture,
-    photos,
+    Caster, Depth, Oracle, Part, Placement, PlaneSpec, Refinement, Sampling, Scene, Shot, Sight,
+    Texture, names, photograph, photos, write_colmap, write_picture, write_project,
+    write_triangles,
 };
 use crate::camera::CameraSet;
 use crate::frame::{Mosaic, Plane};
 use crate::geom::FaceId;
-use crate::image::Image;
+use crate::image::{Image, Samples};
 use crate::{Error, Result};
 
 /// A scene small enough for the brute-force oracle: a few thousand faces, about ten thousand mosaic pixels.
@@ -102,6 +105,23 @@ impl TestScene {
         let ground = oracle.ground(pixel, sight.elevation);
         let part = self.parts[sight.triangle];
         self.texture.colour(self.placement.scene_from_ground(ground), part)
+    }
+
+    /// Writes the scene as a project: `mesh.ply`, the photos as the shots' names end, `sparse/`, `frame.toml` and
+    /// `project.toml`, which asks for `layers`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if a file cannot be written; [`Error::Usage`] if a shot makes no photo.
+    pub fn write(&self, folder: &Path, sampling: Sampling, layers: &[&str]) -> Result<()> {
+        write_colmap(&folder.join(names::CAMERAS), &self.shots)?;
+        write_project(folder, &self.plane, layers)?;
+        write_triangles(&folder.join(names::MESH), &self.triangles)?;
+        let caster = self.caster();
+        for photo in self.photos()?.photos {
+            let picture = Samples::U8(photograph(&caster, &photo, sampling, 3));
+            write_picture(&folder.join(names::PHOTOS).join(&photo.name), &picture)?;
+        }
+        Ok(())
     }
 
     /// The mosaic that every surface pixel seen by some photo should come near, `height × width × 3`, and its mask
