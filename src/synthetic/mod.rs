@@ -1,7 +1,16 @@
 //! Analytic scenes with known answers, for the demo, tests and benches.
 //!
-//! In: parameters and seeds. Out: scenes ([`Scene`]) that are exact polyhedra with an analytic texture, meshes of
-//! any number of faces that are exactly those polyhedra ([`Refinement`], [`write_ply`]).
+//! In: parameters and seeds. Out:
+//! - [`Scene`]: an exact polyhedron with an analytic [`Texture`], and [`facade()`], the one of the demo;
+//! - [`Refinement`]: its mesh at any number of faces, streamed, and [`write_ply`];
+//! - [`Caster`] and [`photograph()`]: photographs by exact rays through an exact lens;
+//! - [`scenes`]: a [`TestScene`] for each way in which an orthoimage goes wrong;
+//! - [`Oracle`]: brute-force answers to what a mosaic pixel shows and which photos see it;
+//! - [`FacadeSet`] and the functions that write a project's files;
+//! - [`likeness`]: how near a mosaic comes to the known answer.
+//!
+//! Promises: the same numbers, files and pictures on every machine and for any number of threads. The oracle shares no
+//! code with the engine but lenses and poses. Nothing here is needed to render a mosaic.
 
 mod caster;
 mod facade;
