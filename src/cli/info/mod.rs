@@ -3,6 +3,7 @@
 mod cameras;
 mod describe;
 mod mesh;
+mod photo;
 mod settings;
 mod tiff;
 
