@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use rayon::prelude::*;
 use tiff::decoder::DecodingResult;
 
 use super::picture::Picture;
 use crate::image::Image;
-use crate::synthetic::{Caster, Likeness, PlaneSpec, likeness};
+use crate::synthetic::{Caster, FacadeSet, Likeness, PlaneSpec, Shift, likeness};
 use crate::{Error, Result};
 
 /// From where the rays of the known answer start, metres before the frame's plane: before everything.
@@ -23,90 +23,71 @@ pub(super) struct Answer {
     pub(super) coloured: f64,
     /// The mosaic against the texture, over the coloured pixels.
     pub(super) colours: Likeness,
-    /// Share of the pixels whose elevation is right to a thousandth of a pixel, 0 to 1: pixels at an edge may show
-    /// either side of it.
+    /// Share of the pixels with surface whose elevation is right to a thousandth of a pixel, 0 to 1.
     pub(super) elevations: f64,
 }
-
-/// The known answer of one mosaic pixel: elevation and colour, where a ray meets the scene.
-type Truth = Option<(f64, [f64; 3])>;
 
 /// Compares mosaic and elevation layer with what rays through the scene itself give.
 ///
 /// # Errors
-/// What reading the files gives.
-pub(super) fn compare(
-    mosaic: &Path,
-    elevation: &Path,
-    frame: &PlaneSpec,
-    caster: &Caster,
-) -> Result<Answer> {
-    let size = frame.size();
-    let picture = Picture::read(mosaic)?;
-    let heights = Picture::read(elevation)?;
-    let (DecodingResult::U8(samples), DecodingResult::F32(heights)) =
-        (&picture.samples, &heights.samples)
-    else {
-        return Err(Error::unsupported(mosaic, "anything but 8-bit colour and 32-bit elevation"));
-    };
-    let count = size.area();
-    if picture.size != size || picture.channels != 4 || heights.len() as u64 != count {
-        return Err(Error::corrupt(
-            mosaic,
-            "size",
-            format!("{size:?}"),
-            format!("{:?}", picture.size),
-        ));
+/// What reading the files gives, [`Error::Corrupt`] if they are not the demo's.
+pub(super) fn compare(mosaic: &Path, elevation: &Path, set: &FacadeSet) -> Result<Answer> {
+    let size = set.plane().size();
+    let (picture, heights) = (Picture::read(mosaic)?, Picture::read(elevation)?);
+    let foreign = |path| Error::corrupt(path, "samples", "a layer of the demo", "something else");
+    let DecodingResult::U8(samples) = &picture.samples else { return Err(foreign(mosaic)) };
+    let DecodingResult::F32(elevations) = &heights.samples else { return Err(foreign(elevation)) };
+    if picture.size != size || picture.channels != 4 || heights.size != size {
+        return Err(foreign(mosaic));
     }
-    let truth: Vec<Truth> = (0..size.height)
-        .into_par_iter()
-        .flat_map_iter(|y| (0..size.width).map(move |x| truth_at(frame, caster, [x, y])))
-        .collect();
-    let pixels = || samples.chunks_exact(4).zip(&truth);
-    let shown = |(pixel, truth): (&[u8], &Truth)| truth.is_some() && pixel[3] == u8::MAX;
-    let surface = truth.iter().flatten().count().max(1);
-    let right = |(height, truth): (&f32, &Truth)| {
-        let tolerance_m = ELEVATION_PX * frame.pixel_size;
-        truth.is_some_and(|(known, _)| (f64::from(*height) - known).abs() <= tolerance_m)
-    };
-    let mask =
-        Image::from_data(size, 1, pixels().map(|pair| 255 * u8::from(shown(pair))).collect());
+    let (expected, mut mask) = set.expected();
+    let surface = mask.data().iter().filter(|surface| **surface != 0).count().max(1) as f64;
     let rgb = samples.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-    let known = truth.iter().flat_map(|truth| truth.map_or([0; 3], |(_, rgb)| rgb.map(byte)));
-    let known = Image::from_data(size, 3, known.collect());
+    for (mask, pixel) in mask.data_mut().iter_mut().zip(samples.chunks_exact(4)) {
+        *mask = (*mask).min(pixel[3]);
+    }
+    let colours = likeness(Image::from_data(size, 3, rgb).view(), expected.view(), mask.view());
     Ok(Answer {
-        coloured: pixels().filter(|pair| shown(*pair)).count() as f64 / surface as f64,
-        colours: likeness(Image::from_data(size, 3, rgb).view(), known.view(), mask.view()),
-        elevations: heights.iter().zip(&truth).filter(|pair| right(*pair)).count() as f64
-            / surface as f64,
+        coloured: colours.pixels as f64 / surface,
+        colours,
+        elevations: right_elevations(elevations, set) as f64 / surface,
     })
 }
 
-fn truth_at(frame: &PlaneSpec, caster: &Caster, [x, y]: [u32; 2]) -> Truth {
-    let n = frame.n();
-    let uv = frame.plane_from_pixel(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
-    let from: DVec3 = frame.origin + frame.u_axis * uv.x + frame.v_axis * uv.y + n * BEFORE_M;
-    let hit = caster.cast(from, -n, None)?;
-    Some(((hit.ground - frame.origin).dot(n), caster.colour(&hit)))
+/// Pixels whose elevation is that of the first point along their ray.
+fn right_elevations(elevations: &[f32], set: &FacadeSet) -> usize {
+    let (caster, plane) = (Caster::of_scene(&set.scene()), set.plane());
+    let tolerance_m = ELEVATION_PX * plane.pixel_size;
+    let rows = elevations.par_chunks(plane.size().width as usize).zip(0_u32..plane.size().height);
+    let right_in_row = |(row, y): (&[f32], u32)| {
+        let right = |(found, x): &(&f32, u32)| {
+            let known = elevation_at(&plane, &caster, [*x, y]);
+            known.is_some_and(|known| (f64::from(**found) - known).abs() <= tolerance_m)
+        };
+        row.iter().zip(0..).filter(right).count()
+    };
+    rows.map(right_in_row).sum()
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-fn byte(value: f64) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0 + 0.5).floor() as u8
+fn elevation_at(plane: &PlaneSpec, caster: &Caster, [x, y]: [u32; 2]) -> Option<f64> {
+    let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+    let (at, n) = (plane.plane_from_pixel(centre), plane.n());
+    let before = plane.origin + plane.u_axis * at.x + plane.v_axis * at.y + n * BEFORE_M;
+    let hit = caster.cast(before, -n, None)?;
+    Some((hit.ground - plane.origin).dot(n))
 }
 
 impl Answer {
     /// Lines to read, each ending in a newline.
     pub(super) fn text(&self) -> String {
-        let shift = self.colours.shift.as_ref().map_or(f64::NAN, crate::synthetic::Shift::length);
+        let shift = self.colours.shift.as_ref().map_or(f64::NAN, Shift::length);
         format!(
-            "against the known answer: {:.2} % of the surface coloured; PSNR {:.1} dB, SSIM {:.4}, shift {:.3} pixel; \
-             {:.3} % of the elevations right to 1/1000 pixel\n",
+            "against the known answer: {:.2} % of the surface coloured, {:.3} % of the elevations right to \
+             1/1000 pixel;\ncolours: PSNR {:.1} dB, SSIM {:.4}, shifted by {shift:.3} pixel\n",
             100.0 * self.coloured,
+            100.0 * self.elevations,
             self.colours.psnr_db,
             self.colours.ssim,
-            shift,
-            100.0 * self.elevations,
         )
     }
 }

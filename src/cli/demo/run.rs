@@ -6,10 +6,9 @@ use super::super::args::{DemoArgs, OrthoArgs};
 use super::super::config::{Config, all_processors};
 use super::super::console;
 use super::super::ortho::{self, ExitStatus};
-use super::set::DemoSet;
-use super::{answer, files, preview};
+use super::{answer, preview};
 use crate::output::Meaning;
-use crate::synthetic::Caster;
+use crate::synthetic::{FacadeSet, names};
 use crate::{Error, Result};
 
 /// Writes the façade and its photos, renders them as `groundel ortho` does, draws previews and compares.
@@ -20,12 +19,22 @@ pub(in crate::cli) fn run(args: &DemoArgs) -> Result<ExitStatus> {
     let threads = args.threads.unwrap_or_else(all_processors);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|e| Error::io("threads", std::io::Error::other(e)))?;
-    let set = DemoSet::new();
-    let caster = Caster::of_scene(&set.scene);
-    let project = pool.install(|| files::write(&args.dir, &set, &caster, args.quiet))?;
+    let say = |line: &str| {
+        if !args.quiet {
+            console::answer(&format!("{line}\n"));
+        }
+    };
 
+    let set = FacadeSet::demo();
+    say(&format!("building a façade and photographing it: {}", args.dir.display()));
+    let written = pool.install(|| set.write(&args.dir))?;
+    say(&format!("{} faces, {} photos", written.faces, written.photos));
+
+    let project = args.dir.join(names::PROJECT);
+    say(&format!("rendering it: groundel ortho {}", project.display()));
     let config = Config::build(OrthoArgs {
         project: Some(project),
+        report: Some(args.dir.join("report.json")),
         memory: args.memory,
         threads: args.threads,
         quiet: args.quiet,
@@ -39,11 +48,9 @@ pub(in crate::cli) fn run(args: &DemoArgs) -> Result<ExitStatus> {
         let to = previews.join(layer.name()).with_extension("png");
         preview::draw(&config.layer_file(layer), layer, &to)?;
     }
+    say(&format!("pictures to look at: {}", previews.display()));
     let elevation = config.layer_file(Meaning::Elevation);
-    let answer = pool.install(|| answer::compare(&config.out, &elevation, &set.frame, &caster))?;
-    if !args.quiet {
-        console::answer(&answer.text());
-        console::answer(&format!("pictures to look at: {}\n", previews.display()));
-    }
+    let answer = pool.install(|| answer::compare(&config.out, &elevation, &set))?;
+    say(answer.text().trim_end());
     Ok(status)
 }
