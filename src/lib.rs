@@ -44,8 +44,8 @@
 //! | [`sample`] | colour of the visible pixels from one photo window | geom image visibility |
 //! | [`blend`] | many samples → one pixel: outliers, weights | geom image sample |
 //! | [`output`] | tiled BigTIFF/GeoTIFF/COG, overviews, frame sidecars; knows no rendering | geom image frame |
-//! | [`render`] | joins the stages for one tile; threads, caches, memory budget | geom image frame store plan surface visibility sample blend |
-//! | [`batch`] | manifest, parts, resume and assembly of tile batches | geom store plan render output |
+//! | [`render`] | joins the stages for one tile; threads, caches, memory budget | geom image camera frame store plan surface visibility sample blend |
+//! | [`batch`] | manifest, parts, resume and assembly of tile batches | geom image store plan render output |
 //! | [`report`] | what a run found, as JSON and as a short text | geom image plan |
 //! | [`cli`] | `Args` (as typed) → `Config` (as built) → command; the only module that prints | all but the stages |
 //!

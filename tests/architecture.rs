@@ -27,8 +27,8 @@ const TABLE: &[(&str, &str)] = &[
     ("sample", "geom image visibility"),
     ("blend", "geom image sample"),
     ("output", "geom image frame"),
-    ("render", "geom image frame store plan surface visibility sample blend"),
-    ("batch", "geom store plan render output"),
+    ("render", "geom image camera frame store plan surface visibility sample blend"),
+    ("batch", "geom image store plan render output"),
     ("report", "geom image plan"),
     ("cli", ALL_BUT_THE_STAGES),
 ];
