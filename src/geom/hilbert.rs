@@ -8,17 +8,23 @@
 ///
 /// `bits` (1 to 31) is the number of bits of each coordinate; the result has `2 · bits` bits.
 pub fn hilbert2(cell: [u32; 2], bits: u32) -> u64 {
-    let mut axes = cell;
+    let mut axes = cell.map(|x| [x]);
     transpose(&mut axes, bits);
-    interleave(axes, bits)
+    interleave(axes.map(|[x]| x), bits)
 }
 
 /// Position on the Hilbert curve of a cell of a 3-D grid; `bits` is 1 to 21, the result has `3 · bits` bits.
 pub fn hilbert3(cell: [u32; 3], bits: u32) -> u64 {
-    let mut axes = cell;
-    transpose(&mut axes, bits);
-    let [x, y, z] = axes.map(spread);
-    x << 2 | y << 1 | z
+    let [key] = hilbert3_lanes(cell.map(|x| [x]), bits);
+    key
+}
+
+/// Positions of `L` cells at once, given by axis: one takes as long as several, because each step waits for the one
+/// before.
+pub fn hilbert3_lanes<const L: usize>(mut cells: [[u32; L]; 3], bits: u32) -> [u64; L] {
+    transpose(&mut cells, bits);
+    let [x, y, z] = cells;
+    std::array::from_fn(|l| spread(x[l]) << 2 | spread(y[l]) << 1 | spread(z[l]))
 }
 
 /// The low 21 bits of `x`, two zero bits between each and the next.
@@ -32,29 +38,38 @@ fn spread(x: u32) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// Skilling's `AxestoTranspose`: coordinates to the transposed Hilbert index, in place.
-fn transpose<const N: usize>(x: &mut [u32; N], bits: u32) {
+/// Skilling's `AxestoTranspose`: coordinates of `L` cells to their transposed Hilbert indices, in place.
+#[expect(clippy::needless_range_loop, reason = "two axes are changed at once, lane by lane")]
+fn transpose<const N: usize, const L: usize>(x: &mut [[u32; L]; N], bits: u32) {
     // Inverse undo, from the highest bit down.
     for bit in (1..bits).rev() {
         let p = (1_u32 << bit) - 1;
         for i in 0..N {
-            // Where the bit is set, the low bits of the first axis are inverted; else exchanged with this axis's.
-            let set = mask(x[i] >> bit & 1);
-            let exchanged = (x[0] ^ x[i]) & p & !set;
-            x[0] ^= (p & set) | exchanged;
-            x[i] ^= exchanged;
+            for l in 0..L {
+                // Where the bit is set, the first axis's low bits are inverted; else exchanged with this axis's.
+                let set = mask(x[i][l] >> bit & 1);
+                let exchanged = (x[0][l] ^ x[i][l]) & p & !set;
+                x[0][l] ^= (p & set) | exchanged;
+                x[i][l] ^= exchanged;
+            }
         }
     }
     // Gray encode.
     for i in 1..N {
-        x[i] ^= x[i - 1];
+        for l in 0..L {
+            x[i][l] ^= x[i - 1][l];
+        }
     }
-    let mut t = 0;
+    let mut t = [0; L];
     for bit in 1..bits {
-        t ^= ((1 << bit) - 1) & mask(x[N - 1] >> bit & 1);
+        for l in 0..L {
+            t[l] ^= ((1 << bit) - 1) & mask(x[N - 1][l] >> bit & 1);
+        }
     }
-    for v in x {
-        *v ^= t;
+    for axis in x {
+        for l in 0..L {
+            axis[l] ^= t[l];
+        }
     }
 }
 
@@ -103,6 +118,13 @@ mod tests {
         keys.sort_unstable();
         assert!(keys.windows(2).all(|pair| pair[0] != pair[1]));
         assert_eq!(interleave([last, 0, 5], 21), spread(last) << 2 | spread(5));
+    }
+
+    #[test]
+    fn lanes_do_not_mix() {
+        let cells = [[3, 0, 77, 1 << 19], [9, 5, 0, 1234], [1, 1 << 18, 6, 7]];
+        let single = |l: usize| hilbert3(cells.map(|axis| axis[l]), 20);
+        assert_eq!(hilbert3_lanes(cells, 20), [0, 1, 2, 3].map(single));
     }
 
     #[test]

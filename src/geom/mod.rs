@@ -13,7 +13,7 @@ mod rect;
 
 pub use bounds::{Bounds2, Bounds3};
 pub use faces::{FaceBlock, FaceId};
-pub use hilbert::{hilbert2, hilbert3};
+pub use hilbert::{hilbert2, hilbert3, hilbert3_lanes};
 pub use mesh_source::{FaceStream, MeshSource, PolygonFan, TriangleChunk, VertexStream};
 pub use predicates::orient2d;
 pub use rect::{PixelRect, Size};

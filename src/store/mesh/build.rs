@@ -128,12 +128,13 @@ impl Job<'_> {
         // 2. Vertices onto the lattice.
         let placement = Placement { plan: &self.plan, lattice: &lattice, curve: &curve };
         let mut cells = vec![0; COARSE_CELLS];
-        let mut vertices = Vec::new();
+        let (mut vertices, mut done) = (Vec::new(), 0);
         for (k, (source, &usable)) in self.sources.iter().zip(&survey.usable).enumerate() {
             let file = self.folder.join(format!("vertices-{k}"));
             let file = (!self.plan.holds_vertices).then_some(file);
             vertices.push(placement.place(*source, usable, file, &mut cells)?);
-            meter.tell(BuildStage::Vertices, k as u64 + 1, self.sources.len() as u64);
+            done += source.vertex_count();
+            meter.tell(BuildStage::Vertices, done, counts.vertices);
         }
         // 3. Faces into buckets.
         let ranges = self.plan.ranges(&cells);
@@ -153,7 +154,7 @@ impl Job<'_> {
             spill_bytes: self.plan.spill_bytes,
         };
         let cutter = Cutter::new(StoreWriter::new(self.folder)?);
-        let mut metered = Metered { cutter, meter, done: 0, total: counts.faces_kept };
+        let mut metered = Metered { cutter, meter, done: 0, total: counts.triangles };
         sorter.run(buckets, &mut metered)?;
         let writer = metered.cutter.finish()?;
         check()?;
@@ -173,7 +174,7 @@ impl Sink for Metered<'_> {
     fn take(&mut self, triangles: &[Triangle]) -> Result<()> {
         self.cutter.take(triangles)?;
         self.done += triangles.len() as u64;
-        self.meter.tell(BuildStage::Partitions, self.done, self.total.max(self.done));
+        self.meter.tell(BuildStage::Partitions, self.done, self.total);
         Ok(())
     }
 }

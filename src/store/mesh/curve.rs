@@ -6,7 +6,8 @@
 
 use super::lattice::LatticePoint;
 use super::layout::Node;
-use crate::geom::hilbert3;
+use super::partition::Triangle;
+use crate::geom::{hilbert3, hilbert3_lanes};
 
 /// Bits of each coordinate on the curve: cells of a millionth of the mesh's extent.
 const AXIS_BITS: u32 = 20;
@@ -14,6 +15,8 @@ const AXIS_BITS: u32 = 20;
 pub(super) const CURVE_BITS: u32 = 3 * AXIS_BITS;
 /// Number of classes; one fewer than would fit above the place, so that a range of keys has an end.
 pub(super) const CLASSES: u64 = (1 << (64 - CURVE_BITS)) - 1;
+/// Triangles whose keys are made at once.
+const LANES: usize = 8;
 /// Bits of each coordinate of the coarse cells by which vertices are counted.
 const COARSE_BITS: u32 = 6;
 /// Number of coarse cells.
@@ -43,21 +46,37 @@ impl Curve {
         }
     }
 
-    /// The key of a triangle whose corners lie within the bounds.
+    /// Sets the keys of triangles whose corners lie within the bounds.
+    pub(super) fn set_keys(&self, triangles: &mut [Triangle]) {
+        for lanes in triangles.chunks_mut(LANES) {
+            let mut cells = [[0; LANES]; 3];
+            for (l, triangle) in lanes.iter_mut().enumerate() {
+                let (class, cell) = self.class_and_cell(&triangle.corners);
+                triangle.key = class << CURVE_BITS;
+                for (axis, coordinate) in cells.iter_mut().zip(cell) {
+                    axis[l] = coordinate;
+                }
+            }
+            let places = hilbert3_lanes(cells, AXIS_BITS);
+            for (triangle, place) in lanes.iter_mut().zip(places) {
+                triangle.key |= place;
+            }
+        }
+    }
+
+    /// The class of a triangle by its largest extent, and the cell of its centroid.
     #[inline]
-    pub(super) fn key(&self, corners: &[LatticePoint; 3]) -> u64 {
-        let [a, b, c] = corners;
+    fn class_and_cell(&self, [a, b, c]: &[LatticePoint; 3]) -> (u64, [u32; 3]) {
         let mut cell = [0; 3];
         let mut extent = 0;
         for axis in 0..3 {
             let (p, q, r) = (a[axis], b[axis], c[axis]);
             extent = extent.max(p.max(q).max(r) - p.min(q).min(r));
-            let centroid = ((p + q + r) - 3 * self.min[axis]) / 3;
-            cell[axis] = self.cell(centroid);
+            cell[axis] = self.cell((p + q + r - 3 * self.min[axis]) / 3);
         }
         let bits = bit_length(extent.cast_unsigned());
-        let class = u64::from(bits.saturating_sub(self.class_bits).div_ceil(2)).min(CLASSES - 1);
-        class << CURVE_BITS | hilbert3(cell, AXIS_BITS)
+        let class = u64::from(bits.saturating_sub(self.class_bits).div_ceil(2));
+        (class.min(CLASSES - 1), cell)
     }
 
     /// The coarse cell, below [`COARSE_CELLS`], in which a vertex lies: the high bits of the place of a class 0
@@ -100,6 +119,13 @@ mod tests {
         Curve::new(&Node { min: [-5, 10, -SIDE], max: [SIDE, SIDE, 7] }, faces)
     }
 
+    fn key(curve: &Curve, corners: [LatticePoint; 3]) -> u64 {
+        let mut triangles = [Triangle { key: 9, id: 0, corners }; 11];
+        curve.set_keys(&mut triangles);
+        assert!(triangles.iter().all(|t| t.key == triangles[0].key));
+        triangles[0].key
+    }
+
     proptest! {
         #[test]
         fn a_coarse_cell_is_the_prefix_of_the_key(
@@ -107,7 +133,7 @@ mod tests {
         ) {
             let (curve, p) = (curve(1 << 20), [x, y, z]);
             let cell = curve.coarse_cell(p) as usize;
-            let key = curve.key(&[p, p, p]);
+            let key = key(&curve, [p, p, p]);
             prop_assert!(Curve::coarse_key(cell) <= key);
             prop_assert!(key < Curve::coarse_key(cell + 1));
         }
@@ -116,8 +142,8 @@ mod tests {
     #[test]
     fn faces_larger_than_a_partition_stand_in_classes_of_their_own() {
         let class = |faces, size| {
-            let key = curve(faces).key(&[[0, 10, 0], [size, 10, 0], [0, 10 + size / 2, 0]]);
-            key >> CURVE_BITS
+            let corners = [[0, 10, 0], [size, 10, 0], [0, 10 + size / 2, 0]];
+            key(&curve(faces), corners) >> CURVE_BITS
         };
         assert_eq!(class(100, SIDE), 0);
         assert_eq!(class(1 << 21, SIDE / 128), 0);
@@ -131,6 +157,7 @@ mod tests {
         for node in [Node::EMPTY, Node { min: [3; 3], max: [3; 3] }] {
             assert_eq!(Curve::new(&node, 0).shift, 0);
         }
-        assert_eq!(Curve::new(&Node { min: [3; 3], max: [3; 3] }, 9).key(&[[3; 3]; 3]), 0);
+        let curve = Curve::new(&Node { min: [3; 3], max: [3; 3] }, 9);
+        assert_eq!(key(&curve, [[3; 3]; 3]), 0);
     }
 }

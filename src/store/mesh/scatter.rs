@@ -20,6 +20,8 @@ use crate::{Error, Result};
 
 /// Triangles that a thread takes at a time.
 const BATCH: usize = 1 << 12;
+/// Triangles whose keys are made together; they stay in the fastest memory.
+const KEYS_AT_ONCE: usize = 256;
 
 /// Scatters meshes, one after the other.
 pub(super) struct Scatter<'a> {
@@ -37,6 +39,8 @@ pub(super) struct Scatter<'a> {
 #[derive(Debug, Default)]
 struct Batch {
     records: Vec<u8>,
+    /// Triangles whose keys are still to be made.
+    kept: Vec<Triangle>,
     dropped: u64,
     /// Triangle and corner of the first vertex that is not finite.
     unusable: Option<(usize, usize)>,
@@ -135,6 +139,7 @@ impl<'a> Scatter<'a> {
             self.counts.triangles_dropped += batch.dropped;
             for record in batch.records.chunks_exact(RECORD_BYTES) {
                 self.buckets.push(self.buckets.bucket_of(key_of(record)), record);
+                self.counts.triangles += 1;
                 let id = id_of(record);
                 if self.last_kept != Some(id) {
                     self.last_kept = Some(id);
@@ -158,6 +163,7 @@ impl Batch {
         corner: impl Fn(usize, usize) -> Option<LatticePoint>,
     ) {
         self.records.clear();
+        self.kept.clear();
         self.dropped = 0;
         self.unusable = None;
         for (k, &face) in (first..).zip(faces) {
@@ -169,11 +175,21 @@ impl Batch {
             };
             let corners = [a, b, c];
             if has_area(&corners) {
-                let triangle = Triangle { key: curve.key(&corners), id: first_id + face, corners };
-                self.records.extend_from_slice(&encode(&triangle));
+                self.kept.push(Triangle { key: 0, id: first_id + face, corners });
+                if self.kept.len() == KEYS_AT_ONCE {
+                    self.encode_kept(curve);
+                }
             } else {
                 self.dropped += 1;
             }
+        }
+        self.encode_kept(curve);
+    }
+
+    fn encode_kept(&mut self, curve: &Curve) {
+        curve.set_keys(&mut self.kept);
+        for triangle in self.kept.drain(..) {
+            self.records.extend_from_slice(&encode(&triangle));
         }
     }
 }

@@ -87,10 +87,10 @@ impl StoreWriter {
         path: &Path,
         key: MeshKey,
         lattice: Lattice,
-        mut counts: MeshCounts,
+        counts: MeshCounts,
     ) -> Result<()> {
         self.append_table().map_err(|e| Error::io(&self.path, e))?;
-        counts.triangles = self.triangles;
+        debug_assert_eq!(counts.triangles, self.triangles, "every triangle scattered is written");
         let bounds = self.runs.iter().fold(Node::EMPTY, |all, &run| all.union(run));
         let tree = tree_bytes(&self.runs, self.partitions);
         let table_offset = usize::try_from(self.end).expect("64 bits");
