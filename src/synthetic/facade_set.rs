@@ -46,15 +46,15 @@ pub struct Written {
 }
 
 /// Perspective centre, target (scene coordinates, metres) and roll (radians) of each photo: five along the
-/// façade at eye level, two from a scaffold; the first of these is upright.
+/// façade at eye level, the middle one upright; two from a scaffold.
 const VIEWS: [([f64; 3], [f64; 3], f64); 7] = [
-    ([0.3, 1.7, 5.3], [2.1, 2.45, -0.5], 0.012),
-    ([2.1, 1.6, 5.4], [2.7, 2.55, -0.5], -0.021),
-    ([3.9, 1.8, 5.6], [3.6, 2.60, -0.5], 0.008),
-    ([5.5, 1.6, 5.3], [4.8, 2.55, -0.5], 0.017),
-    ([7.2, 1.7, 5.2], [5.3, 2.45, -0.5], -0.010),
-    ([1.6, 4.2, 5.9], [2.9, 2.80, -0.5], 1.560),
-    ([6.0, 4.4, 5.6], [4.7, 2.85, -0.5], -0.014),
+    ([0.3, 1.7, 5.3], [2.0, 2.15, -0.5], 0.012),
+    ([2.1, 1.6, 5.4], [2.5, 2.45, -0.5], -0.021),
+    ([3.9, 1.8, 5.6], [3.7, 2.70, -0.5], 1.560),
+    ([5.5, 1.6, 5.3], [4.9, 2.45, -0.5], 0.017),
+    ([7.2, 1.7, 5.2], [5.4, 2.15, -0.5], -0.010),
+    ([1.6, 4.2, 5.7], [2.5, 3.35, -0.5], 0.015),
+    ([6.0, 4.4, 5.6], [5.0, 3.35, -0.5], -0.014),
 ];
 
 impl FacadeSet {
@@ -97,7 +97,7 @@ impl FacadeSet {
     /// The seven shots, through one lens with the distortion of a common wide-angle.
     pub fn shots(&self) -> Vec<Shot> {
         let (width, height) = (f64::from(self.photo.width), f64::from(self.photo.height));
-        let focal = 0.885 * width;
+        let focal = 0.83 * width;
         let params = vec![
             focal,
             focal * 1.0006,

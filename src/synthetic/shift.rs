@@ -1,5 +1,7 @@
 //! The shift between two pictures, to a hundredth of a pixel, by least squares.
 
+use rayon::prelude::*;
+
 use super::metrics::{Plane, within};
 
 /// How far a picture lies from a reference, pixels: positive if its content lies further right, further down.
@@ -30,55 +32,87 @@ const LIMIT: f64 = 3.0;
 /// IJCAI 1981, 674–679: the displacement that makes the squared differences least, by Gauss–Newton steps. Steps:
 /// (1) both pictures are smoothed alike, which leaves the shift as it is and makes interpolation near exact;
 /// (2) the picture, moved back by the present shift, less the reference, is fitted by the reference's gradient;
-/// (3) again until the shift rests. Departure: one displacement for the whole picture, no pyramid.
+/// (3) again until the shift rests; (4) again, each difference weighted by Tukey's biweight, so that pixels that
+/// differ for another reason — silhouettes, blunders — have no say. Departure: one displacement for the whole
+/// picture, no pyramid.
 pub fn shift(picture: &Plane, reference: &Plane, mask: &[bool]) -> Option<Shift> {
     let (width, height) = (reference.width, reference.height);
     let whole = within(mask, width, height, REACH);
     let (picture, reference) = (smooth(picture), smooth(reference));
-    let gradient = |x: usize, y: usize| {
-        [
-            0.5 * (reference.at(x + 1, y) - reference.at(x - 1, y)),
-            0.5 * (reference.at(x, y + 1) - reference.at(x, y - 1)),
-        ]
-    };
-    let places: Vec<[usize; 2]> = (0..height)
-        .flat_map(|y| (0..width).map(move |x| [x, y]))
+    let places = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
+    let places: Vec<Place> = places
         .filter(|&[x, y]| whole[y * width + x])
+        .map(|[x, y]| Place {
+            at: [x as f64, y as f64],
+            value: reference.at(x, y),
+            gradient: [
+                0.5 * (reference.at(x + 1, y) - reference.at(x - 1, y)),
+                0.5 * (reference.at(x, y + 1) - reference.at(x, y - 1)),
+            ],
+        })
         .collect();
-    // The normal matrix does not change: the gradients are the reference's.
-    let [mut xx, mut xy, mut yy] = [0.0; 3];
-    for &[x, y] in &places {
-        let [gx, gy] = gradient(x, y);
-        xx += gx * gx;
-        xy += gx * gy;
-        yy += gy * gy;
-    }
-    let det = xx * yy - xy * xy;
-    // Less than a grey level of gradient a pixel, in the weakest direction, tells nothing of a hundredth of a pixel.
-    let enough = det > 0.0 && det / (xx + yy) > 1e-3 * places.len() as f64;
-    if !enough {
-        return None;
-    }
     let mut found = Shift { x: 0.0, y: 0.0 };
-    for _ in 0..30 {
-        let [mut bx, mut by] = [0.0; 2];
-        for &[x, y] in &places {
-            let [gx, gy] = gradient(x, y);
-            let moved = quintic(&picture, x as f64 + found.x, y as f64 + found.y);
-            let difference = reference.at(x, y) - moved;
-            bx += gx * difference;
-            by += gy * difference;
-        }
-        let step = Shift { x: (yy * bx - xy * by) / det, y: (xx * by - xy * bx) / det };
+    let mut scale = f64::INFINITY;
+    for _ in 0..STEPS {
+        let differences: Vec<f64> =
+            places.par_iter().map(|p| p.value - p.look(&picture, &found)).collect();
+        let step = step(&places, &differences, scale)?;
         found = Shift { x: found.x + step.x, y: found.y + step.y };
         if !(found.x.abs() < LIMIT && found.y.abs() < LIMIT) {
             return None;
+        }
+        if step.length() < 0.01 {
+            scale = spread(differences);
         }
         if step.length() < 1e-5 {
             break;
         }
     }
     Some(found)
+}
+
+/// Steps at most; a shift of a pixel needs about ten.
+const STEPS: usize = 30;
+
+/// A pixel of the reference.
+struct Place {
+    at: [f64; 2],
+    value: f64,
+    gradient: [f64; 2],
+}
+
+impl Place {
+    /// The picture where this pixel lies if it is shifted.
+    fn look(&self, picture: &Plane, shift: &Shift) -> f64 {
+        quintic(picture, self.at[0] + shift.x, self.at[1] + shift.y)
+    }
+}
+
+/// The weighted least-squares step; `None` if there is too little structure in some direction.
+fn step(places: &[Place], differences: &[f64], scale: f64) -> Option<Shift> {
+    let [mut xx, mut xy, mut yy, mut bx, mut by] = [0.0; 5];
+    for (Place { gradient: [gx, gy], .. }, d) in places.iter().zip(differences) {
+        // Tukey's constant: 95 % of the efficiency of least squares on normal errors.
+        let t = d / (4.685 * scale);
+        let weight = if t.abs() < 1.0 { (1.0 - t * t) * (1.0 - t * t) } else { 0.0 };
+        xx += weight * gx * gx;
+        xy += weight * gx * gy;
+        yy += weight * gy * gy;
+        bx += weight * gx * d;
+        by += weight * gy * d;
+    }
+    let det = xx * yy - xy * xy;
+    // A thirtieth of a grey level a pixel, in the weakest direction, tells nothing of a hundredth of a pixel.
+    let enough = det > 0.0 && det / (xx + yy) > 1e-3 * places.len() as f64;
+    enough.then(|| Shift { x: (yy * bx - xy * by) / det, y: (xx * by - xy * bx) / det })
+}
+
+/// The standard deviation of most of the differences, by their median magnitude; at least half a grey level.
+fn spread(mut differences: Vec<f64>) -> f64 {
+    let middle = differences.len() / 2;
+    differences.iter_mut().for_each(|d| *d = d.abs());
+    let (_, median, _) = differences.select_nth_unstable_by(middle, f64::total_cmp);
+    (1.4826 * *median).max(0.5)
 }
 
 /// The binomial mean 1 4 6 4 1 along rows and columns; the outer two pixels stay as they are.
@@ -156,6 +190,22 @@ mod tests {
             let found = shift(&picture(dx, dy), &reference, &mask).unwrap();
             assert!((found.x - dx).abs() < 0.01 && (found.y - dy).abs() < 0.01, "{found:?}");
         }
+    }
+
+    #[test]
+    fn a_silhouette_that_lies_elsewhere_does_not_move_the_shift() {
+        let mask = vec![true; 200 * 150];
+        let [mut reference, mut moved] = [picture(0.0, 0.0), picture(0.3, -0.2)];
+        // A dark column whose right edge is a pixel off in one of the pictures.
+        for y in 0..150 {
+            for x in 60..90 {
+                reference.values[y * 200 + x] = 20.0;
+                moved.values[y * 200 + x] = 20.0;
+            }
+            moved.values[y * 200 + 90] = 20.0;
+        }
+        let found = shift(&moved, &reference, &mask).unwrap();
+        assert!((found.x - 0.3).abs() < 0.01 && (found.y + 0.2).abs() < 0.01, "{found:?}");
     }
 
     #[test]
