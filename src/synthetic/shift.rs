@@ -110,7 +110,9 @@ fn step(places: &[Place], differences: &[f64], scale: f64) -> Option<Shift> {
 /// The standard deviation of most of the differences, by their median magnitude; at least half a grey level.
 fn spread(mut differences: Vec<f64>) -> f64 {
     let middle = differences.len() / 2;
-    differences.iter_mut().for_each(|d| *d = d.abs());
+    for d in &mut differences {
+        *d = d.abs();
+    }
     let (_, median, _) = differences.select_nth_unstable_by(middle, f64::total_cmp);
     (1.4826 * *median).max(0.5)
 }
