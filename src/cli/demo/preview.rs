@@ -20,7 +20,8 @@ const COVERAGE: [Rgba; 4] =
 /// Photos that a count is drawn as full brightness from.
 const BRIGHT_COUNT: u32 = 10;
 
-/// Draws the layer in the TIFF file `from` as the PNG file `to`.
+/// Draws a layer as the PNG file `to`, from its TIFF file `from`; `coverage` from that of `count`, because the `tiff`
+/// crate reads no palettes.
 ///
 /// # Errors
 /// What reading the file gives, [`Error::Unsupported`] for samples that no layer has, or a failed write.
@@ -51,9 +52,12 @@ fn pixels(picture: &Picture, layer: Meaning) -> Option<Vec<Rgba>> {
         (Meaning::Count | Meaning::Used, DecodingResult::U8(counts)) => {
             Some(counts.iter().map(|count| of_count(*count)).collect())
         }
-        (Meaning::Coverage, DecodingResult::U8(classes)) => {
-            let of = |class: &u8| COVERAGE.get(usize::from(*class)).copied().unwrap_or(CLEAR);
-            Some(classes.iter().map(of).collect())
+        (Meaning::Coverage, DecodingResult::U8(counts)) => {
+            let of = |count: &u8| match *count {
+                NO_SURFACE => CLEAR,
+                count => COVERAGE[usize::from(count).min(3)],
+            };
+            Some(counts.iter().map(of).collect())
         }
         _ => None,
     }

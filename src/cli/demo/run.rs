@@ -46,7 +46,8 @@ pub(in crate::cli) fn run(args: &DemoArgs) -> Result<ExitStatus> {
     fs::create_dir_all(&previews).map_err(|e| Error::io(&previews, e))?;
     for layer in Meaning::ALL {
         let to = previews.join(layer.name()).with_extension("png");
-        preview::draw(&config.layer_file(layer), layer, &to)?;
+        let from = if layer == Meaning::Coverage { Meaning::Count } else { layer };
+        preview::draw(&config.layer_file(from), layer, &to)?;
     }
     say(&format!("pictures to look at: {}", previews.display()));
     let elevation = config.layer_file(Meaning::Elevation);
