@@ -13,7 +13,7 @@ use groundel::synthetic::{Likeness, Oracle, Sight, TestScene, likeness};
 
 /// How far rounding may move a point, metres.
 const SLACK_M: f64 = 1e-7;
-/// Every so many pixels in each direction are asked of the oracle, which tries every face.
+/// Of a large scene, every so many pixels in each direction are asked of the oracle, which tries every face.
 const STEP: usize = 3;
 /// Memory for one renderer: small, so that blocks are cut.
 const BLOCK_BYTES: u64 = 8 << 20;
@@ -33,8 +33,7 @@ impl Rendered {
     fn tile(&self, test: &TestScene, change: impl FnOnce(&mut Scene)) -> OrthoTile {
         let mut scene = job::open(test, self.folder.path(), &self.cameras);
         change(&mut scene);
-        let tile = Renderer::new(&scene, BLOCK_BYTES).tile(test.plane.size().rect()).unwrap();
-        tile
+        Renderer::new(&scene, BLOCK_BYTES).tile(test.plane.size().rect()).unwrap()
     }
 }
 
@@ -51,15 +50,17 @@ fn judge(test: &TestScene, oracle: &Oracle, cameras: &CameraSet, tile: &OrthoTil
     let size = test.plane.size();
     let tolerance_m = job::tolerance_m(test);
     let mut found = Found::default();
-    for y in (0..size.height).step_by(STEP) {
-        for x in (0..size.width).step_by(STEP) {
+    let step = if size.area() < 5000 { 1 } else { STEP };
+    for y in (0..size.height).step_by(step) {
+        for x in (0..size.width).step_by(step) {
             let at = (y * size.width + x) as usize;
-            let (elevation, face) = (f64::from(tile.elevation.data()[at]), FaceId(tile.face.data()[at]));
+            let (elevation, face) =
+                (f64::from(tile.elevation.data()[at]), FaceId(tile.face.data()[at]));
             let claim = (face != FaceId::NONE).then_some((elevation, face));
             // A thousandth of a pixel, and the rounding of the layer to f32.
             let room = 1e-3 * test.plane.pixel_size + elevation.abs() * f64::from(f32::EPSILON);
             found.pixels += 1;
-            if !oracle.accepts([x, y], claim, room.max(1e-3 * test.plane.pixel_size)) {
+            if !oracle.accepts([x, y], claim, room) {
                 found.wrong_surfaces += 1;
                 continue;
             }
@@ -77,7 +78,13 @@ fn judge(test: &TestScene, oracle: &Oracle, cameras: &CameraSet, tile: &OrthoTil
 }
 
 /// The least and the greatest number of photos that may see a point: they differ where a decision is not clear.
-fn seen(oracle: &Oracle, photos: &[Photo], pixel: [u32; 2], sight: &Sight, tolerance_m: f64) -> (u64, u64) {
+fn seen(
+    oracle: &Oracle,
+    photos: &[Photo],
+    pixel: [u32; 2],
+    sight: &Sight,
+    tolerance_m: f64,
+) -> (u64, u64) {
     photos.iter().fold((0, 0), |(least, most), photo| {
         let verdict = oracle.sees(photo, pixel, sight, tolerance_m);
         let sees = verdict.outcome.is_seen();

@@ -38,8 +38,9 @@ pub fn write_files(test: &TestScene, folder: &Path) {
     fs::write(folder.join("sparse/points3D.txt"), "").unwrap();
     let caster = test.caster();
     for photo in test.photos().unwrap().photos {
-        let picture = photograph::<u8>(&caster, &photo, Sampling::default(), 3);
+        let picture = photograph::<u8>(&caster, &photo, Sampling::Box(4), 3);
         let file = folder.join("photos").join(&photo.name);
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
         let size = picture.size();
         let kind = image::ExtendedColorType::Rgb8;
         let format = image::ImageFormat::Png;
@@ -95,7 +96,11 @@ pub fn open(test: &TestScene, folder: &Path, cameras: &CameraSet) -> Scene {
         mesh,
         pixels: PhotoStore::open(entries, 16 << 20).unwrap(),
         interpolation: Interpolation::Bicubic,
-        blend: BlendSettings { colour: Colour::Rgb, depth: Depth::Eight, ..BlendSettings::default() },
+        blend: BlendSettings {
+            colour: Colour::Rgb,
+            depth: Depth::Eight,
+            ..BlendSettings::default()
+        },
         names: cameras.names.len(),
         tolerance_m: tolerance_m(test),
     }
