@@ -1,12 +1,10 @@
 //! `groundel ortho` from outside: the built binary on a synthetic project.
 
-#[path = "job/mod.rs"]
-mod job;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use super::job;
 use groundel::synthetic::scenes;
 
 const LAYERS: [&str; 6] = ["elevation", "face", "count", "used", "coverage", "best"];

@@ -1,9 +1,7 @@
 //! Every test scene against the brute-force oracle: elevation, face, visibility, colour. And the tests of these
 //! tests: each injected fault must be seen.
 
-#[path = "job/mod.rs"]
-mod job;
-
+use super::job;
 use groundel::camera::{CameraSet, Lens, Photo};
 use groundel::geom::FaceId;
 use groundel::image::{Image, Samples};
@@ -109,7 +107,6 @@ fn surfaces_and_visibility_agree_with_brute_force_in_every_scene() {
         let (oracle, files) = (test.oracle(SLACK_M), Rendered::files(&test));
         let tile = files.tile(&test, |_| {});
         let found = judge(&test, &oracle, &files.cameras, &tile);
-        println!("{}: {found:?}", test.name);
         assert!(found.pixels > 500, "{}: {found:?}", test.name);
         assert_eq!(found.wrong_surfaces, 0, "{}: {found:?}", test.name);
         // 99.99 % of all decisions.
@@ -122,7 +119,6 @@ fn colours_are_those_of_the_texture_and_lie_where_they_should() {
     for test in [scenes::columns(), scenes::oblique(), scenes::radial()] {
         let (oracle, files) = (test.oracle(SLACK_M), Rendered::files(&test));
         let found = colours(&test, &oracle, &files.tile(&test, |_| {}));
-        println!("{}: {found:?}", test.name);
         assert!(found.psnr_db > 25.0 && found.ssim > 0.85, "{}: {found:?}", test.name);
         let shift = found.shift.unwrap();
         assert!(shift.x.hypot(shift.y) < 0.05, "{}: {found:?}", test.name);

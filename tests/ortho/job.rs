@@ -1,5 +1,6 @@
 //! A synthetic test scene as files on disk and as a scene to render.
 
+use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -13,12 +14,12 @@ use groundel::store::photo::{PhotoSource, PhotoStore, Preparation, prepare_photo
 use groundel::synthetic::{Sampling, TestScene, photograph};
 
 /// ε of the occlusion test, as `groundel ortho` takes it by default.
-pub fn tolerance_m(test: &TestScene) -> f64 {
+pub(super) fn tolerance_m(test: &TestScene) -> f64 {
     0.02 * test.plane.pixel_size
 }
 
 /// Writes mesh, photos, cameras and frame of `test` into `folder`.
-pub fn write_files(test: &TestScene, folder: &Path) {
+pub(super) fn write_files(test: &TestScene, folder: &Path) {
     fs::create_dir_all(folder.join("photos")).unwrap();
     fs::create_dir_all(folder.join("sparse")).unwrap();
     fs::write(folder.join("mesh.ply"), ply(test)).unwrap();
@@ -28,10 +29,10 @@ pub fn write_files(test: &TestScene, folder: &Path) {
         let c = &shot.camera;
         let params: Vec<_> = c.params.iter().map(|p| format!("{p:?}")).collect();
         let size = format!("{} {}", c.size.width, c.size.height);
-        cameras += &format!("{} {} {size} {}\n", k + 1, c.model.name(), params.join(" "));
+        writeln!(cameras, "{} {} {size} {}", k + 1, c.model.name(), params.join(" ")).unwrap();
         let ([w, x, y, z], t) = (shot.quaternion, shot.translation);
         let pose = format!("{w:?} {x:?} {y:?} {z:?} {:?} {:?} {:?}", t.x, t.y, t.z);
-        images += &format!("{} {pose} {} {}\n\n", k + 1, k + 1, shot.name);
+        writeln!(images, "{} {pose} {} {}\n", k + 1, k + 1, shot.name).unwrap();
     }
     fs::write(folder.join("sparse/cameras.txt"), cameras).unwrap();
     fs::write(folder.join("sparse/images.txt"), images).unwrap();
@@ -69,7 +70,7 @@ fn ply(test: &TestScene) -> Vec<u8> {
 }
 
 /// The scene in `folder`, ready to be rendered, seen by `cameras`.
-pub fn open(test: &TestScene, folder: &Path, cameras: &CameraSet) -> Scene {
+pub(super) fn open(test: &TestScene, folder: &Path, cameras: &CameraSet) -> Scene {
     let mesh = open_mesh(&folder.join("mesh.ply")).unwrap();
     let build = MeshBuild {
         work: folder.join("work"),
