@@ -45,11 +45,11 @@ impl SurfaceBuilder {
         self.kept.clear();
         self.kept.resize(block.positions.len(), u32::MAX);
         for (k, corners) in block.triangles.iter().enumerate() {
-            let projected = corners.map(|i| self.projected[usize::from(i)]);
+            let (projected, turned) = in_order(corners.map(|i| self.projected[usize::from(i)]));
             if let Some(triangle) = Triangle::new(projected.map(DVec3::truncate))
                 && let Some(face) = self.show(mosaic, &triangle, projected, block.ids[k])
             {
-                self.keep(block, k, face, &triangle);
+                self.keep(block, k, face, triangle.flipped() != turned);
             }
         }
     }
@@ -102,7 +102,7 @@ impl SurfaceBuilder {
     }
 
     /// Records a triangle that won somewhere.
-    fn keep(&mut self, block: &FaceBlock<'_>, k: usize, face: u32, triangle: &Triangle) {
+    fn keep(&mut self, block: &FaceBlock<'_>, k: usize, face: u32, flipped: bool) {
         let vertices = &mut self.tile.vertices;
         let corners = block.triangles[k].map(|i| {
             let slot = &mut self.kept[usize::from(i)];
@@ -116,7 +116,7 @@ impl SurfaceBuilder {
         let [a, b, c] = block.corners(k);
         let normal = (b - a).cross(c - a);
         // In mosaic pixels rows run along −v: a positive turn on the screen is a normal away from the viewer.
-        let normal = if triangle.flipped() { normal } else { -normal };
+        let normal = if flipped { normal } else { -normal };
         debug_assert_eq!(face as usize, self.tile.faces.len());
         self.tile.faces.push(SurfaceFace { corners, id: block.ids[k], normal });
     }
@@ -174,4 +174,19 @@ fn renumber<T: Copy>(marks: &mut [u32], items: &mut Vec<T>) {
         next += 1;
     }
     items.truncate(next as usize);
+}
+
+/// The corners in one order whatever the file's, and whether that turned the winding: faces with the same corners
+/// then have the same elevations to the last bit, and the lowest id wins.
+fn in_order(corners: [DVec3; 3]) -> ([DVec3; 3], bool) {
+    let [mut a, mut b, mut c] = corners;
+    let mut turned = false;
+    for first in [true, false, true] {
+        let (p, q) = if first { (&mut a, &mut b) } else { (&mut b, &mut c) };
+        if p.x.total_cmp(&q.x).then(p.y.total_cmp(&q.y)).then(p.z.total_cmp(&q.z)).is_gt() {
+            std::mem::swap(p, q);
+            turned = !turned;
+        }
+    }
+    ([a, b, c], turned)
 }

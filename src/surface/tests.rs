@@ -58,6 +58,18 @@ fn equal_elevations_go_to_the_lowest_id_whatever_the_order() {
 }
 
 #[test]
+fn a_duplicate_in_any_corner_order_never_wins_over_the_lowest_id() {
+    let (m, rect) = (mosaic(ALL), PixelRect::new(0, 0, 8, 8));
+    let [a, b, c] =
+        [DVec3::new(-1.1, -1.3, 0.7), DVec3::new(20.3, -1.7, 3.1), DVec3::new(-1.9, 20.7, 5.3)];
+    for twin in [[b, c, a], [c, a, b], [a, c, b], [c, b, a], [b, a, c]] {
+        let tile = render(&m, rect, &[(twin, 9), ([a, b, c], 4)]);
+        assert!(ids(&tile).iter().all(|&id| id == Some(4)));
+        assert!(tile.faces[0].normal.z > 0.0);
+    }
+}
+
+#[test]
 fn a_slab_cuts_a_face_at_the_point_not_as_a_whole() {
     // Elevation equals x.
     let slope =
