@@ -19,7 +19,7 @@ fn ortho(folder: &Path, name: &str, flags: &[&str]) -> (Output, PathBuf) {
         .args(["--mesh".into(), path("mesh.ply"), "--cameras".into(), path("sparse")])
         .args(["--photos".into(), path("photos"), "--frame".into(), path("frame.toml")])
         .args(["--out".into(), out.clone().into_os_string()])
-        .args(["--layers", &LAYERS.join(","), "--memory", "512MiB"])
+        .args(["--layers", &LAYERS.join(",")])
         .args(flags)
         .output()
         .unwrap();
@@ -48,7 +48,6 @@ fn threads_and_memory_do_not_change_a_byte() {
         ("four", ["--threads", "4", "--memory", "512MiB"]),
         ("small", ["--threads", "2", "--memory", "256MiB"]),
     ] {
-        // The last of a flag given twice counts.
         let (run, mosaic) = ortho(folder, name, &flags);
         assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
         for (a, b) in files(&reference).iter().zip(files(&mosaic)) {
