@@ -64,7 +64,8 @@ impl FacadeSet {
             faces: 300_000,
             photo: Size::new(1296, 972),
             pixel_size: 0.004,
-            extent: [-0.12, -0.04, 7.52, 5.56],
+            // No edge of the façade, on multiples of a millimetre, passes through the centre of a pixel.
+            extent: [-0.1207, -0.0411, 7.5193, 5.5589],
             finest_m: 0.026,
             placement: Placement::upright(DVec3::new(120.0, 350.0, 61.5), 0.35),
             layers: vec!["elevation", "face", "count", "used", "coverage", "best"],

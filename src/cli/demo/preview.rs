@@ -83,8 +83,8 @@ fn elevations(samples: &[f32]) -> Vec<Rgba> {
         if !sample.is_finite() {
             return CLEAR;
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "30 to 255")]
-        let grey = ((sample - min) / range * 225.0 + 30.0) as u8;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "30 to 230")]
+        let grey = ((sample - min) / range * 200.0 + 30.0) as u8;
         [grey, grey, grey, 255]
     };
     samples.iter().map(of).collect()
@@ -128,7 +128,7 @@ mod tests {
         let drawn = ::image::open(&png).unwrap().to_rgba8();
         assert_eq!(drawn.get_pixel(0, 0).0, [30, 30, 30, 255]);
         assert_eq!(drawn.get_pixel(1, 0).0, CLEAR);
-        assert_eq!(drawn.get_pixel(2, 0).0, [255, 255, 255, 255]);
+        assert_eq!(drawn.get_pixel(2, 0).0, [230, 230, 230, 255]);
         assert!(draw(&tif, Meaning::Face, &png).is_err());
     }
 

@@ -141,19 +141,22 @@ fn metadata_lines(decoder: &mut Reader) -> std::result::Result<Vec<String>, Tiff
     Ok(lines)
 }
 
-/// `name: value` of each `<Item name="…">…</Item>`.
+/// `name: value` of each `<Item name="…">…</Item>`; further lines of a value are indented.
 fn items(xml: &str) -> Vec<String> {
-    let unescaped = |text: &str| {
-        let text = text.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"");
-        text.replace("&apos;", "'").replace("&amp;", "&")
-    };
     let item = |part: &str| {
         let (head, rest) = part.split_once('>')?;
         let value = rest.split_once("</Item>")?.0;
         let name = head.split_once("name=\"")?.1.split_once('"')?.0;
-        Some(format!("{}: {}", unescaped(name), unescaped(value)))
+        // GDAL escapes a value on its own, and then once more as XML.
+        let value = unescaped(&unescaped(value)).trim_end().replace('\n', "\n  ");
+        Some(format!("{}: {value}", unescaped(name)))
     };
     xml.split("<Item").skip(1).filter_map(item).collect()
+}
+
+fn unescaped(text: &str) -> String {
+    let text = text.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"");
+    text.replace("&apos;", "'").replace("&amp;", "&")
 }
 
 fn overview_line(path: &Path, decoder: &mut Reader) -> Result<String> {
@@ -189,7 +192,8 @@ mod tests {
         tags.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, -1.5, 7.25, 0.0_f64][..]).unwrap();
         tags.write_tag(Tag::GeoKeyDirectoryTag, &[1_u16, 1, 0, 1, 3072, 0, 1, 32634][..]).unwrap();
         tags.write_tag(Tag::GdalNodata, "nan").unwrap();
-        let xml = "<GDALMetadata>\n<Item name=\"LAYER\">a &lt; b &amp;amp;</Item></GDALMetadata>";
+        let xml =
+            "<GDALMetadata>\n<Item name=\"LAYER\">a &amp;lt; b\nc &amp;amp;</Item></GDALMetadata>";
         tags.write_tag(GDAL_METADATA, xml).unwrap();
         image.write_data(&[0.5_f32; 24]).unwrap();
         encoder.write_image::<colortype::Gray32Float>(3, 2, &[0.5; 6]).unwrap();
@@ -207,7 +211,8 @@ mod tests {
             "upper-left corner: -1.5, 7.25",
             "reference system: EPSG:32634",
             "nodata: nan",
-            "LAYER: a < b &amp;",
+            "LAYER: a < b",
+            "  c &",
             "overviews: 3 × 2",
         ] {
             assert!(told.lines().any(|told| told == line), "{line} is not in\n{told}");
