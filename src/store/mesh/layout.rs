@@ -56,7 +56,7 @@ use crate::{Error, Result};
 
 /// First bytes of every mesh store.
 pub(super) const MAGIC: [u8; 8] = *b"GROUNDMS";
-/// Version of the layout.
+/// Version of the layout; raised, too, when the order of triangles or the rule by which they are cut changes.
 pub(super) const VERSION: u32 = 1;
 /// Length of the header.
 pub(super) const HEADER_BYTES: usize = 256;
