@@ -5,7 +5,7 @@
 //! no file is written. A bucket's file is deleted when the bucket has been read.
 
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{self, Read, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -18,12 +18,13 @@ use crate::{Error, Result};
 
 /// Bytes of a triangle in a bucket: key, face id, three packed corners, and one for the reading of the last.
 pub(super) const RECORD_BYTES: usize = 12 + 3 * PACKED_BYTES + 1;
-/// Triangles of a block, which is compressed as one: 232 KiB, beyond which Zstandard gains little.
-const BLOCK_RECORDS: usize = 4096;
+/// Triangles of a block, which is held in one piece and compressed as one.
+const BLOCK_RECORDS: usize = 2048;
+const BLOCK_BYTES: usize = BLOCK_RECORDS * RECORD_BYTES;
 /// Records turned into columns at a time: they stay in the fastest memory.
 const TILE_RECORDS: usize = 64;
-/// Blocks decompressed at a time.
-const BLOCKS_AT_ONCE: usize = 8;
+/// Blocks compressed or decompressed at a time.
+const BLOCKS_AT_ONCE: usize = 16;
 /// Zstandard's level: the fastest of the ordinary ones.
 const LEVEL: i32 = 1;
 
@@ -56,6 +57,21 @@ pub(super) fn id_of(record: &[u8]) -> u32 {
 pub(super) fn decode(record: &[u8]) -> Triangle {
     let corner = |k: usize| unpack(record, 12 + k * PACKED_BYTES).expect("was packed from a point");
     Triangle { key: key_of(record), id: id_of(record), corners: [corner(0), corner(1), corner(2)] }
+}
+
+/// Compresses blocks.
+fn compress(blocks: &[Vec<u8>]) -> Vec<io::Result<Vec<u8>>> {
+    blocks
+        .par_iter()
+        .map_init(
+            || (zstd::bulk::Compressor::new(LEVEL), Vec::new()),
+            |(compressor, columns), block| {
+                to_columns(block, columns);
+                let compressor = compressor.as_mut().map_err(|e| e.kind())?;
+                compressor.compress(columns)
+            },
+        )
+        .collect()
 }
 
 /// Turns records into columns: the first byte of all records, then the second, and so on. High bytes are alike from
@@ -96,7 +112,9 @@ pub(super) struct Bucket {
     path: PathBuf,
     /// Lengths of the compressed blocks in the file, and triangles in each.
     blocks: Vec<(usize, usize)>,
-    held: Vec<u8>,
+    /// Blocks in memory, all but the last full.
+    held: Vec<Vec<u8>>,
+    held_bytes: usize,
     records: usize,
 }
 
@@ -106,34 +124,36 @@ impl Bucket {
         self.records
     }
 
-    /// Compresses what is held, block by block.
-    fn compress(&mut self) -> Result<Vec<(Vec<u8>, usize)>> {
-        // Taken, not cleared: a bucket that was once full would keep its memory.
-        let held = std::mem::take(&mut self.held);
-        let path = &self.path;
-        held.par_chunks(BLOCK_RECORDS * RECORD_BYTES)
-            .map_init(
-                || (zstd::bulk::Compressor::new(LEVEL), Vec::new()),
-                |(compressor, columns), block| {
-                    to_columns(block, columns);
-                    let compressor = compressor.as_mut().map_err(|e| e.kind().into());
-                    let packed = compressor.and_then(|c| c.compress(columns));
-                    Ok((packed.map_err(|e| Error::io(path, e))?, block.len() / RECORD_BYTES))
-                },
-            )
-            .collect()
-    }
-
-    /// Appends what is held to the file.
-    fn spill(&mut self) -> Result<()> {
-        let packed = self.compress()?;
+    /// Appends what is held to the file, some blocks at a time; gives the emptied blocks back.
+    fn spill(&mut self) -> Result<Vec<Vec<u8>>> {
         let io = |e| Error::io(&self.path, e);
         let mut file = File::options().create(true).append(true).open(&self.path).map_err(io)?;
-        for (bytes, records) in packed {
-            file.write_all(&bytes).map_err(io)?;
-            self.blocks.push((bytes.len(), records));
+        for blocks in self.held.chunks(BLOCKS_AT_ONCE) {
+            for (packed, block) in compress(blocks).into_iter().zip(blocks) {
+                let packed = packed.map_err(io)?;
+                file.write_all(&packed).map_err(io)?;
+                self.blocks.push((packed.len(), block.len() / RECORD_BYTES));
+            }
         }
-        Ok(())
+        self.held_bytes = 0;
+        self.held.iter_mut().for_each(Vec::clear);
+        Ok(std::mem::take(&mut self.held))
+    }
+
+    /// Takes records, into new blocks from `spare` if need be.
+    #[inline]
+    fn push(&mut self, mut records: &[u8], spare: &mut Vec<Vec<u8>>) {
+        self.records += records.len() / RECORD_BYTES;
+        self.held_bytes += records.len();
+        while !records.is_empty() {
+            if self.held.last().is_none_or(|block| block.len() == BLOCK_BYTES) {
+                self.held.push(spare.pop().unwrap_or_else(|| Vec::with_capacity(BLOCK_BYTES)));
+            }
+            let block = self.held.last_mut().expect("a block has been begun");
+            let (now, later) = records.split_at(records.len().min(BLOCK_BYTES - block.len()));
+            block.extend_from_slice(now);
+            records = later;
+        }
     }
 
     /// Gives the records to `take`, in the order in which they came, some blocks at a time.
@@ -160,20 +180,17 @@ impl Bucket {
                 }
             }
         }
-        take(&self.held)
+        self.held.iter().try_for_each(|block| take(block))
     }
 
-    /// All records, in the order in which they came; the bucket and its file are gone after that.
-    pub(super) fn into_records(mut self) -> Result<Vec<u8>> {
-        if self.blocks.is_empty() {
-            return Ok(std::mem::take(&mut self.held));
-        }
-        let mut all = Vec::with_capacity(self.records * RECORD_BYTES);
+    /// Replaces `all` by all records, in the order in which they came; the bucket and its file are gone after that.
+    pub(super) fn into_records(self, all: &mut Vec<u8>) -> Result<()> {
+        all.clear();
+        all.reserve(self.records * RECORD_BYTES);
         self.for_each(|records| {
             all.extend_from_slice(records);
             Ok(())
-        })?;
-        Ok(all)
+        })
     }
 }
 
@@ -186,10 +203,18 @@ impl Drop for Bucket {
     }
 }
 
+/// The bucket of a key, given the first key of each.
+#[inline]
+pub(super) fn bucket_of(starts: &[u64], key: u64) -> usize {
+    starts.partition_point(|&start| start <= key) - 1
+}
+
 /// Buckets for all keys of a range.
 #[derive(Debug)]
 pub(super) struct Buckets {
     all: Vec<Bucket>,
+    /// Empty blocks: used again, they leave no holes in the memory of the process, whichever thread asks for one.
+    spare: Vec<Vec<u8>>,
     held_bytes: usize,
     limit_bytes: usize,
 }
@@ -207,37 +232,34 @@ impl Buckets {
             path: folder.join(format!("{name}-{k}")),
             blocks: Vec::new(),
             held: Vec::new(),
+            held_bytes: 0,
             records: 0,
         };
         let all = ranges.into_iter().enumerate().map(bucket).collect();
-        Self { all, held_bytes: 0, limit_bytes }
+        Self { all, spare: Vec::new(), held_bytes: 0, limit_bytes }
     }
 
-    /// The bucket of a key within the range.
-    #[inline]
-    pub(super) fn bucket_of(&self, key: u64) -> usize {
-        self.all.partition_point(|bucket| bucket.keys.start <= key) - 1
+    /// The first key of each bucket.
+    pub(super) fn starts(&self) -> Vec<u64> {
+        self.all.iter().map(|bucket| bucket.keys.start).collect()
     }
 
-    /// Throws a record into the bucket of its key.
+    /// Throws records into a bucket.
     #[inline]
-    pub(super) fn push(&mut self, bucket: usize, record: &[u8]) {
-        let bucket = &mut self.all[bucket];
-        bucket.held.extend_from_slice(record);
-        bucket.records += 1;
-        self.held_bytes += RECORD_BYTES;
+    pub(super) fn push(&mut self, bucket: usize, records: &[u8]) {
+        self.all[bucket].push(records, &mut self.spare);
+        self.held_bytes += records.len();
     }
 
     /// Writes the fullest buckets to their files if the limit is passed.
     pub(super) fn spill_beyond_limit(&mut self) -> Result<()> {
         while self.held_bytes > self.limit_bytes {
-            let fullest = self.all.iter().map(|b| b.held.len()).max().unwrap_or(0);
-            for bucket in &mut self.all {
-                if 2 * bucket.held.len() >= fullest {
-                    self.held_bytes -= bucket.held.len();
-                    bucket.spill()?;
-                }
-            }
+            let fullest = self.all.iter().map(|b| b.held_bytes).max().unwrap_or(0);
+            let full = self.all.iter_mut().filter(|bucket| 2 * bucket.held_bytes >= fullest);
+            let full: Vec<&mut Bucket> = full.collect();
+            self.held_bytes -= full.iter().map(|bucket| bucket.held_bytes).sum::<usize>();
+            let emptied = full.into_par_iter().map(Bucket::spill).collect::<Result<Vec<_>>>()?;
+            self.spare.extend(emptied.into_iter().flatten());
         }
         Ok(())
     }
@@ -278,7 +300,7 @@ mod tests {
             let mut buckets = Buckets::new(dir.path(), "b", ranges.clone(), limit_bytes);
             for n in 0..20_000 {
                 let t = triangle(n);
-                buckets.push(buckets.bucket_of(t.key), &encode(&t));
+                buckets.push(bucket_of(&buckets.starts(), t.key), &encode(&t));
                 if n % 1000 == 0 {
                     buckets.spill_beyond_limit().unwrap();
                     assert!(buckets.held_bytes <= limit_bytes);
@@ -288,7 +310,8 @@ mod tests {
             assert_eq!(files() > 0, limit_bytes < usize::MAX);
             for (bucket, keys) in buckets.into_buckets().zip(ranges) {
                 let count = bucket.records();
-                let records = bucket.into_records().unwrap();
+                let mut records = Vec::new();
+                bucket.into_records(&mut records).unwrap();
                 let found: Vec<Triangle> = records.chunks_exact(RECORD_BYTES).map(decode).collect();
                 let expected: Vec<Triangle> =
                     (0..20_000).map(triangle).filter(|t| keys.contains(&t.key)).collect();

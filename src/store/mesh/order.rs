@@ -1,16 +1,16 @@
 //! Triangles in the order of a store: by key, then by face id, then by their place in the polygon.
 //!
 //! In: buckets. Out: pieces of the one sorted sequence, which does not depend on how the buckets were cut.
-//! Memory: one bucket that fits the limit. A bucket that does not is cut by its own keys into smaller ones; if
+//! Memory: two buckets that fit the limit. A bucket that does not is cut by its own keys into smaller ones; if
 //! all its keys are equal it is in order already, because buckets keep the order in which triangles came: that
-//! of the files.
+//! of the files. While one bucket is given out, the next is read and sorted.
 
 use std::ops::Range;
 use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::buckets::{Bucket, Buckets, RECORD_BYTES, decode, id_of, key_of};
+use super::buckets::{Bucket, Buckets, RECORD_BYTES, bucket_of, decode, id_of, key_of};
 use super::partition::Triangle;
 use crate::Result;
 
@@ -22,9 +22,19 @@ const PIECE: usize = 1 << 15;
 const CELLS: usize = 1 << 12;
 
 /// Takes pieces of the sorted sequence.
-pub(super) trait Sink {
+pub(super) trait Sink: Send {
     /// Takes the next triangles.
     fn take(&mut self, triangles: &[Triangle]) -> Result<()>;
+}
+
+/// A bucket, as far as it can be made ready for giving out; the memory is used again for the one after the next.
+#[derive(Debug, Default)]
+struct Prepared {
+    records: Vec<u8>,
+    /// The order of the records: key, id and place of each.
+    order: Vec<(u64, u32, u32)>,
+    /// A bucket that does not fit, in place of records.
+    too_large: Option<Bucket>,
 }
 
 /// Sorts what is in buckets.
@@ -41,19 +51,54 @@ pub(super) struct Sorter<'a> {
 impl Sorter<'_> {
     /// Gives all triangles of the buckets to `sink` in order.
     pub(super) fn run(&self, buckets: Buckets, sink: &mut impl Sink) -> Result<()> {
-        buckets.into_buckets().try_for_each(|bucket| self.run_bucket(bucket, sink))
+        let mut buckets = buckets.into_buckets();
+        let (mut now, mut next) = (Prepared::default(), Prepared::default());
+        let mut is_left = self.prepare(buckets.next(), &mut now)?;
+        while is_left {
+            let (prepared, given) = rayon::join(
+                || self.prepare(buckets.next(), &mut next),
+                || self.give_out(&mut now, sink),
+            );
+            given?;
+            is_left = prepared?;
+            std::mem::swap(&mut now, &mut next);
+        }
+        Ok(())
     }
 
-    fn run_bucket(&self, bucket: Bucket, sink: &mut impl Sink) -> Result<()> {
-        if bucket.records() <= self.capacity {
-            sort(&bucket.into_records()?, sink)
-        } else if bucket.keys.end - bucket.keys.start == 1 {
-            bucket.for_each(|records| give(records, sink))
-        } else {
-            let parts = self.cut(&bucket)?;
-            drop(bucket);
-            self.run(parts, sink)
+    /// Reads and sorts a bucket, if it fits; tells whether there was one.
+    fn prepare(&self, bucket: Option<Bucket>, out: &mut Prepared) -> Result<bool> {
+        let Some(bucket) = bucket else { return Ok(false) };
+        if bucket.records() > self.capacity {
+            out.too_large = Some(bucket);
+            return Ok(true);
         }
+        bucket.into_records(&mut out.records)?;
+        out.records
+            .par_chunks_exact(RECORD_BYTES)
+            .enumerate()
+            .map(|(place, record)| {
+                let place = u32::try_from(place).expect("a bucket in memory has fewer triangles");
+                (key_of(record), id_of(record), place)
+            })
+            .collect_into_vec(&mut out.order);
+        out.order.par_sort_unstable();
+        Ok(true)
+    }
+
+    fn give_out(&self, prepared: &mut Prepared, sink: &mut impl Sink) -> Result<()> {
+        let Some(bucket) = prepared.too_large.take() else {
+            return give_sorted(&prepared.records, &prepared.order, sink);
+        };
+        if bucket.keys.end - bucket.keys.start == 1 {
+            return bucket.for_each(|records| {
+                let triangles = records.par_chunks_exact(RECORD_BYTES).map(decode);
+                sink.take(&triangles.collect::<Vec<_>>())
+            });
+        }
+        let parts = self.cut(&bucket)?;
+        drop(bucket);
+        self.run(parts, sink)
     }
 
     /// Cuts a bucket into smaller ones, each of which fits, or holds the keys of one cell of its range.
@@ -72,9 +117,10 @@ impl Sorter<'_> {
         let ranges = balanced(counts, start_of, self.capacity as u64, keys.end);
         let name = format!("cut-{:016x}-{width:x}", keys.start);
         let mut parts = Buckets::new(self.folder, &name, ranges, self.spill_bytes);
+        let starts = parts.starts();
         bucket.for_each(|records| {
             for record in records.chunks_exact(RECORD_BYTES) {
-                parts.push(parts.bucket_of(key_of(record)), record);
+                parts.push(bucket_of(&starts, key_of(record)), record);
             }
             parts.spill_beyond_limit()
         })?;
@@ -104,30 +150,15 @@ pub(super) fn balanced(
     starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect()
 }
 
-/// Sorts records in memory and gives them out.
-fn sort(records: &[u8], sink: &mut impl Sink) -> Result<()> {
+/// Gives records out in their order.
+fn give_sorted(records: &[u8], order: &[(u64, u32, u32)], sink: &mut impl Sink) -> Result<()> {
     let record = |place: u32| &records[place as usize * RECORD_BYTES..][..RECORD_BYTES];
-    let mut order: Vec<(u64, u32, u32)> = records
-        .par_chunks_exact(RECORD_BYTES)
-        .enumerate()
-        .map(|(place, record)| {
-            let place = u32::try_from(place).expect("a bucket in memory has fewer triangles");
-            (key_of(record), id_of(record), place)
-        })
-        .collect();
-    order.par_sort_unstable();
     let mut piece = Vec::new();
     for places in order.chunks(PIECE) {
         places.par_iter().map(|&(.., place)| decode(record(place))).collect_into_vec(&mut piece);
         sink.take(&piece)?;
     }
     Ok(())
-}
-
-/// Gives out records that are in order already.
-fn give(records: &[u8], sink: &mut impl Sink) -> Result<()> {
-    let triangles: Vec<Triangle> = records.par_chunks_exact(RECORD_BYTES).map(decode).collect();
-    sink.take(&triangles)
 }
 
 #[cfg(test)]
@@ -166,7 +197,7 @@ mod tests {
             let ranges = vec![0..1 << 45, 1 << 45..u64::MAX];
             let mut buckets = Buckets::new(dir.path(), "b", ranges, spill_bytes);
             for t in &triangles {
-                buckets.push(buckets.bucket_of(t.key), &encode(t));
+                buckets.push(bucket_of(&buckets.starts(), t.key), &encode(t));
                 buckets.spill_beyond_limit().unwrap();
             }
             let mut found = Collected(Vec::new());

@@ -3,11 +3,12 @@
 //! In: streams of triangles, and the vertices. Out: triangles with area, with their corners, id and key, in
 //! buckets; the rest counted. A face that uses a vertex which is not finite is an error that names both.
 
+use std::ops::Range;
 use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::buckets::{Buckets, RECORD_BYTES, encode, id_of, key_of};
+use super::buckets::{Buckets, RECORD_BYTES, bucket_of, encode, key_of};
 use super::curve::Curve;
 use super::join::Join;
 use super::lattice::{GROUND_LIMIT, LatticePoint};
@@ -15,38 +16,15 @@ use super::layout::MeshCounts;
 use super::partition::Triangle;
 use super::progress::{BuildStage, Meter};
 use super::vertices::Vertices;
-use crate::geom::{MeshSource, TriangleChunk};
+use crate::geom::{FaceStream, MeshSource, TriangleChunk};
 use crate::{Error, Result};
 
 /// Triangles that a thread takes at a time.
-const BATCH: usize = 1 << 12;
+const BATCH: usize = 1 << 11;
 /// Triangles whose keys are made together; they stay in the fastest memory.
 const KEYS_AT_ONCE: usize = 256;
 
-/// Scatters meshes, one after the other.
-pub(super) struct Scatter<'a> {
-    pub(super) curve: Curve,
-    pub(super) buckets: Buckets,
-    /// Triangles read at a time.
-    pub(super) chunk: usize,
-    pub(super) counts: MeshCounts,
-    pub(super) meter: Meter<'a>,
-    batches: Vec<Batch>,
-    last_kept: Option<u32>,
-}
-
-/// What a thread makes of its triangles.
-#[derive(Debug, Default)]
-struct Batch {
-    records: Vec<u8>,
-    /// Triangles whose keys are still to be made.
-    kept: Vec<Triangle>,
-    dropped: u64,
-    /// Triangle and corner of the first vertex that is not finite.
-    unusable: Option<(usize, usize)>,
-}
-
-/// A mesh being scattered.
+/// A mesh to be scattered.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scattered<'a> {
     pub(super) source: &'a dyn MeshSource,
@@ -57,106 +35,155 @@ pub(super) struct Scattered<'a> {
     pub(super) join_bytes: usize,
 }
 
-impl<'a> Scatter<'a> {
-    /// Before the first mesh.
-    pub(super) fn new(
-        curve: Curve,
-        buckets: Buckets,
-        chunk: usize,
-        counts: MeshCounts,
-        meter: Meter<'a>,
-    ) -> Self {
-        Self { curve, buckets, chunk, counts, meter, batches: Vec::new(), last_kept: None }
-    }
+/// Scatters meshes, one after the other.
+pub(super) struct Scatter<'a> {
+    pub(super) curve: Curve,
+    pub(super) buckets: Buckets,
+    /// Triangles read at a time.
+    pub(super) chunk: usize,
+    pub(super) counts: MeshCounts,
+    pub(super) meter: Meter<'a>,
+}
 
-    /// Scatters a mesh whose vertices are `vertices`.
-    pub(super) fn scatter(&mut self, mesh: Scattered<'_>, mut vertices: Vertices) -> Result<()> {
-        let Scattered { source, folder, .. } = mesh;
-        let (chunk, budget_bytes) = (self.chunk, mesh.join_bytes);
-        let mut join = Join { source, chunk, skip: 0, folder, budget_bytes };
-        let mut stream = mesh.source.faces()?;
-        let (mut chunk, mut ahead) = (TriangleChunk::default(), TriangleChunk::default());
-        let max = self.chunk;
-        stream.next_faces(max, &mut chunk)?;
-        while !chunk.is_empty() {
-            let (read, worked) = rayon::join(
-                || stream.next_faces(max, &mut ahead),
-                || self.take_chunk(mesh, &chunk, &mut vertices),
-            );
-            worked?;
+impl Scatter<'_> {
+    /// Scatters a mesh whose vertices are `vertices`: while the records of one chunk go into buckets, those of the
+    /// next are made.
+    pub(super) fn scatter(&mut self, mesh: Scattered<'_>, vertices: Vertices) -> Result<()> {
+        let Scattered { source, folder, first_id, join_bytes } = mesh;
+        let (chunk, budget_bytes) = (self.chunk, join_bytes);
+        let mut reader = Reader {
+            join: Join { source, chunk, skip: 0, folder, budget_bytes },
+            first_id,
+            stream: source.faces()?,
+            chunk: TriangleChunk::default(),
+            vertices,
+            curve: self.curve,
+            starts: self.buckets.starts(),
+        };
+        let (mut now, mut next) = (Records::default(), Records::default());
+        let mut last_kept = None;
+        reader.read(&mut now)?;
+        while !now.is_end {
+            let (read, taken) =
+                rayon::join(|| reader.read(&mut next), || self.take(&now, &mut last_kept));
+            taken?;
             read?;
-            join.skip += 1;
-            vertices.join_if_thrashing(&join)?;
-            std::mem::swap(&mut chunk, &mut ahead);
+            if let Some(last_face) = now.last_face {
+                let done = u64::from(first_id) + u64::from(last_face) + 1;
+                self.meter.tell(BuildStage::Faces, done, self.counts.faces);
+            }
+            std::mem::swap(&mut now, &mut next);
         }
         Ok(())
     }
 
-    fn take_chunk(
-        &mut self,
-        mesh: Scattered<'_>,
-        chunk: &TriangleChunk,
-        vertices: &mut Vertices,
-    ) -> Result<()> {
-        self.counts.short_faces += chunk.short_faces;
-        let (mut triangles, mut faces) = (&chunk.triangles[..], &chunk.faces[..]);
-        while !triangles.is_empty() {
-            let count = vertices.hold(triangles)?;
-            let held = &*vertices;
-            let corner = |k: usize, c: usize| held.corner(triangles, k, c);
-            if let Some((k, c)) = self.take_corners(&faces[..count], mesh.first_id, corner)? {
-                return Err(unusable_vertex(mesh.source, triangles[k][c], faces[k]));
-            }
-            (triangles, faces) = (&triangles[count..], &faces[count..]);
-        }
-        if let Some(&face) = chunk.faces.last() {
-            let done = u64::from(mesh.first_id) + u64::from(face) + 1;
-            self.meter.tell(BuildStage::Faces, done, self.counts.faces);
-        }
-        Ok(())
-    }
-
-    /// Throws triangles into buckets: one for each entry of `faces`, corner `c` of triangle `k` as `corner` gives
-    /// it. Gives triangle and corner of the first vertex that is not finite, if there is one.
-    fn take_corners(
-        &mut self,
-        faces: &[u32],
-        first_id: u32,
-        corner: impl Fn(usize, usize) -> Option<LatticePoint> + Sync,
-    ) -> Result<Option<(usize, usize)>> {
-        let curve = &self.curve;
-        let count = faces.len().div_ceil(BATCH);
-        self.batches.resize_with(count, Batch::default);
-        self.batches
-            .par_iter_mut()
-            .zip(faces.par_chunks(BATCH))
-            .enumerate()
-            .for_each(|(b, (batch, faces))| batch.fill(b * BATCH, faces, first_id, curve, &corner));
-        for batch in &self.batches {
-            if let Some(place) = batch.unusable {
-                return Ok(Some(place));
-            }
+    /// Throws records into their buckets. `last_kept` is the last face of which there was a record.
+    fn take(&mut self, records: &Records, last_kept: &mut Option<u32>) -> Result<()> {
+        self.counts.short_faces += records.short_faces;
+        for batch in &records.batches[..records.used] {
             self.counts.triangles_dropped += batch.dropped;
-            for record in batch.records.chunks_exact(RECORD_BYTES) {
-                self.buckets.push(self.buckets.bucket_of(key_of(record)), record);
-                self.counts.triangles += 1;
-                let id = id_of(record);
-                if self.last_kept != Some(id) {
-                    self.last_kept = Some(id);
-                    self.counts.faces_kept += 1;
-                }
+            self.counts.triangles += (batch.records.len() / RECORD_BYTES) as u64;
+            if let Some((first, last)) = batch.ids {
+                // A polygon may stand in two batches.
+                self.counts.faces_kept += batch.faces - u64::from(*last_kept == Some(first));
+                *last_kept = Some(last);
+            }
+            let mut rest = &batch.records[..];
+            for &(bucket, bytes) in &batch.runs {
+                let (run, others) = rest.split_at(bytes);
+                self.buckets.push(bucket, run);
+                rest = others;
             }
         }
-        self.buckets.spill_beyond_limit()?;
-        Ok(None)
+        self.buckets.spill_beyond_limit()
     }
 }
 
+/// Makes records of a mesh's triangles.
+struct Reader<'a> {
+    join: Join<'a>,
+    first_id: u32,
+    stream: Box<dyn FaceStream + 'a>,
+    chunk: TriangleChunk,
+    vertices: Vertices,
+    curve: Curve,
+    /// The first key of each bucket.
+    starts: Vec<u64>,
+}
+
+/// The records of a chunk of triangles.
+#[derive(Debug, Default)]
+struct Records {
+    batches: Vec<Batch>,
+    /// How many of the batches are of this chunk; the others keep their memory.
+    used: usize,
+    short_faces: u64,
+    /// The chunk's last face that gave a triangle.
+    last_face: Option<u32>,
+    /// Whether there was no chunk left.
+    is_end: bool,
+}
+
+impl Reader<'_> {
+    /// Reads the next chunk.
+    fn read(&mut self, out: &mut Records) -> Result<()> {
+        out.used = 0;
+        self.vertices.join_if_thrashing(&self.join)?;
+        self.stream.next_faces(self.join.chunk, &mut self.chunk)?;
+        self.join.skip += 1;
+        out.is_end = self.chunk.is_empty();
+        out.short_faces = self.chunk.short_faces;
+        out.last_face = self.chunk.faces.last().copied();
+        let (mut triangles, mut faces) = (&self.chunk.triangles[..], &self.chunk.faces[..]);
+        while !triangles.is_empty() {
+            let count = self.vertices.hold(triangles)?;
+            let batches = count.div_ceil(BATCH);
+            if out.batches.len() < out.used + batches {
+                out.batches.resize_with(out.used + batches, Batch::default);
+            }
+            let (vertices, curve, starts) = (&self.vertices, &self.curve, &self.starts);
+            let fill = |(b, batch): (usize, &mut Batch)| {
+                let part = b * BATCH..count.min((b + 1) * BATCH);
+                let corner = |k: usize, c: usize| vertices.corner(triangles, k, c);
+                batch.fill(part, &faces[..count], self.first_id, curve, corner);
+                batch.group(starts);
+            };
+            let new = &mut out.batches[out.used..out.used + batches];
+            new.par_iter_mut().enumerate().for_each(fill);
+            if let Some((k, c)) = new.iter().find_map(|batch| batch.unusable) {
+                return Err(unusable_vertex(self.join.source, triangles[k][c], faces[k]));
+            }
+            out.used += batches;
+            (triangles, faces) = (&triangles[count..], &faces[count..]);
+        }
+        Ok(())
+    }
+}
+
+/// What a thread makes of its triangles.
+#[derive(Debug, Default)]
+struct Batch {
+    records: Vec<u8>,
+    /// The records by bucket: each bucket and the length of its run, ascending.
+    runs: Vec<(usize, usize)>,
+    /// Faces of which there are records, the first and the last.
+    faces: u64,
+    ids: Option<(u32, u32)>,
+    dropped: u64,
+    /// Triangle and corner of the first vertex that is not finite.
+    unusable: Option<(usize, usize)>,
+    /// Triangles whose keys are still to be made.
+    kept: Vec<Triangle>,
+    /// Buckets and places of the records; records before they are grouped.
+    places: Vec<(usize, usize)>,
+    spare: Vec<u8>,
+}
+
 impl Batch {
-    /// Makes records of the triangles from number `first` on.
+    /// Makes records of some triangles.
     fn fill(
         &mut self,
-        first: usize,
+        part: Range<usize>,
         faces: &[u32],
         first_id: u32,
         curve: &Curve,
@@ -164,23 +191,25 @@ impl Batch {
     ) {
         self.records.clear();
         self.kept.clear();
-        self.dropped = 0;
-        self.unusable = None;
-        for (k, &face) in (first..).zip(faces) {
+        (self.faces, self.ids, self.dropped, self.unusable) = (0, None, 0, None);
+        for k in part {
             let corners = [corner(k, 0), corner(k, 1), corner(k, 2)];
             let [Some(a), Some(b), Some(c)] = corners else {
                 let bad = corners.iter().position(Option::is_none);
                 self.unusable = bad.map(|c| (k, c));
                 return;
             };
-            let corners = [a, b, c];
-            if has_area(&corners) {
-                self.kept.push(Triangle { key: 0, id: first_id + face, corners });
-                if self.kept.len() == KEYS_AT_ONCE {
-                    self.encode_kept(curve);
-                }
-            } else {
+            let (corners, id) = ([a, b, c], first_id + faces[k]);
+            if !has_area(&corners) {
                 self.dropped += 1;
+                continue;
+            }
+            let (first, last) = self.ids.map_or((id, None), |(first, last)| (first, Some(last)));
+            self.faces += u64::from(last != Some(id));
+            self.ids = Some((first, id));
+            self.kept.push(Triangle { key: 0, id, corners });
+            if self.kept.len() == KEYS_AT_ONCE {
+                self.encode_kept(curve);
             }
         }
         self.encode_kept(curve);
@@ -191,6 +220,25 @@ impl Batch {
         for triangle in self.kept.drain(..) {
             self.records.extend_from_slice(&encode(&triangle));
         }
+    }
+
+    /// Groups the records by bucket; within a bucket they keep their order.
+    fn group(&mut self, starts: &[u64]) {
+        let bucket = |record: &[u8]| bucket_of(starts, key_of(record));
+        self.places.clear();
+        self.places.extend(self.records.chunks_exact(RECORD_BYTES).map(bucket).zip(0..));
+        if !self.places.is_sorted() {
+            self.places.sort_unstable();
+            self.spare.clear();
+            for &(_, place) in &self.places {
+                let record = &self.records[place * RECORD_BYTES..][..RECORD_BYTES];
+                self.spare.extend_from_slice(record);
+            }
+            std::mem::swap(&mut self.records, &mut self.spare);
+        }
+        self.runs.clear();
+        let runs = self.places.chunk_by(|a, b| a.0 == b.0);
+        self.runs.extend(runs.map(|run| (run[0].0, run.len() * RECORD_BYTES)));
     }
 }
 
