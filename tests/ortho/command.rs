@@ -10,7 +10,7 @@ use groundel::synthetic::scenes;
 const LAYERS: [&str; 6] = ["elevation", "face", "count", "used", "coverage", "best"];
 
 /// Runs `groundel ortho` on the project in `folder`, into `name`.tif in a folder of its own.
-fn ortho(folder: &Path, name: &str, flags: &[&str]) -> (Output, PathBuf) {
+pub(super) fn ortho(folder: &Path, name: &str, flags: &[&str]) -> (Output, PathBuf) {
     let out = folder.join(name).join("mosaic.tif");
     fs::create_dir_all(folder.join(name)).unwrap();
     let path = |p: &str| folder.join(p).into_os_string();

@@ -17,9 +17,11 @@ pub fn sub_pixel() -> TestScene {
 /// T-junctions, faces that occur twice, and faces wound either way.
 pub fn untidy() -> TestScene {
     let mut scene = base("untidy", [0.0, 0.0, 1.2, 0.9], 0.01, 2.0);
-    // A relief of coarse cells; beside each third one, its neighbour is cut in three: T-junctions on a ridge.
+    // A relief of coarse cells; beside each third one, its neighbour is cut in three: T-junctions on a ridge. A
+    // T-vertex lies beside its edge by rounding, a true crack: no pixel's centre lies on an edge, where chance
+    // would decide (`grid_aligned` has centres on edges without cracks).
     let mut random = Random::new(5);
-    relief(&mut scene, [0.1, 0.1, 0.0], 0.1, [10, 7], |_, _| random.between(0.0, 0.12));
+    relief(&mut scene, [0.1003, 0.1007, 0.0], 0.1, [10, 7], |_, _| random.between(0.0, 0.12));
     let coarse = std::mem::take(&mut scene.triangles);
     let parts = std::mem::take(&mut scene.parts);
     for (k, (t, part)) in coarse.into_iter().zip(parts).enumerate() {
