@@ -1,5 +1,5 @@
 //! The whole job on synthetic scenes: against the brute-force oracle, and from outside, as the built binary.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod command;
 mod golden;
