@@ -122,6 +122,15 @@ pub struct DemoArgs {
     /// Folder to write to; made if need be
     #[arg(value_name = "DIR", default_value = "demo")]
     pub dir: PathBuf,
+    /// The size of the paper's job: 3 million faces, seven photos of 5 megapixels, 3720 × 2775 pixels
+    #[arg(long)]
+    pub paper: bool,
+    /// Faces of the mesh, at least [default: 300000; with --paper 3000000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1000..))]
+    pub faces: Option<u64>,
+    /// Write mesh, photos, cameras and project file, and render nothing
+    #[arg(long)]
+    pub inputs_only: bool,
     /// Memory cap of the process, at least 256MiB [default: half of the physical memory]
     #[arg(long, value_name = "SIZE", value_parser = values::memory)]
     pub memory: Option<u64>,

@@ -25,10 +25,13 @@ pub(in crate::cli) fn run(args: &DemoArgs) -> Result<ExitStatus> {
         }
     };
 
-    let set = FacadeSet::demo();
+    let set = set(args);
     say(&format!("building a façade and photographing it: {}", args.dir.display()));
     let written = pool.install(|| set.write(&args.dir))?;
     say(&format!("{} faces, {} photos", written.faces, written.photos));
+    if args.inputs_only {
+        return Ok(ExitStatus::Done);
+    }
 
     let project = args.dir.join(names::PROJECT);
     say(&format!("rendering it: groundel ortho {}", project.display()));
@@ -54,4 +57,10 @@ pub(in crate::cli) fn run(args: &DemoArgs) -> Result<ExitStatus> {
     let answer = pool.install(|| answer::compare(&config.out, &elevation, &set))?;
     say(answer.text().trim_end());
     Ok(status)
+}
+
+/// The façade that the flags ask for.
+fn set(args: &DemoArgs) -> FacadeSet {
+    let set = if args.paper { FacadeSet::paper() } else { FacadeSet::demo() };
+    FacadeSet { faces: args.faces.unwrap_or(set.faces), ..set }
 }
