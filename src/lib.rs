@@ -9,7 +9,7 @@
 //! ```text
 //! meshes, cameras, photos, frame             input, frame, camera
 //!   → mesh store, photo store                store     immutable files, in pieces that fit the memory
-//!   → plan                                   plan      tiles, their order, what each of them needs
+//!   → plan                                   plan      the mosaic's extent and pixel size; what cannot be made is refused
 //!   → for each tile                          render    threads, caches, the memory budget
 //!       which face each pixel shows          surface
 //!       which photos see that point          visibility
@@ -38,7 +38,7 @@
 //! | [`synthetic`] | analytic scenes with known answers, for the demo, tests and benches | geom image camera frame |
 //! | [`input`] | foreign formats, checked at the door, streamed | geom camera frame |
 //! | [`store`] | our immutable files: mesh partitions, photo tiles | geom image camera input |
-//! | [`plan`] | mosaic grid, tiles, order; the partitions and photos each tile needs | geom camera frame store |
+//! | [`plan`] | default extent and pixel size, and the checks before the first tile | geom camera frame store |
 //! | [`surface`] | what the projection sees: elevation and face per mosaic pixel | geom image frame raster |
 //! | [`visibility`] | where one photo sees that surface | geom image camera frame raster surface |
 //! | [`sample`] | colour of the visible pixels from one photo window | geom image visibility |

@@ -29,3 +29,27 @@ pub fn curve_order(pyramid: &Pyramid) -> Vec<TileAddress> {
     order.sort_by_cached_key(|t| hilbert2([t.x, t.y], bits));
     order
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geom::Size;
+
+    #[test]
+    fn the_order_holds_every_tile_once_and_a_square_is_walked_in_single_steps() {
+        for (w, h) in [(1, 1), (5, 3), (1, 9), (17, 2), (8, 8)] {
+            let pyramid = Pyramid::new(Size::new(w * 128, h * 128), 128).unwrap();
+            let order = curve_order(&pyramid);
+            let mut sorted = order.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            assert_eq!(sorted.len(), order.len());
+            assert_eq!(order.len(), (w * h) as usize);
+            if w == h {
+                for pair in order.windows(2) {
+                    assert_eq!(pair[0].x.abs_diff(pair[1].x) + pair[0].y.abs_diff(pair[1].y), 1);
+                }
+            }
+        }
+    }
+}

@@ -1,8 +1,7 @@
-//! What is settled once, before the first tile: the mosaic's extent, its pixel size, its tiles and their order.
+//! What is settled once, before the first tile: the mosaic's extent and its pixel size.
 //!
 //! In: the mesh as [`Partitions`], the photos' orientation, a plane frame. Out: [`default_extent`],
-//! [`default_pixel_size`] and the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]);
-//! [`TileGrid`], the mosaic's tiles in the order in which they are best rendered.
+//! [`default_pixel_size`] and the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]).
 //!
 //! Promises: everything is a function of the mesh, the photos and the frame, by rules that do not depend on threads
 //! or memory; one partition at a time is in memory. Which partitions and photos a tile needs is found when it is
@@ -13,9 +12,7 @@ mod partitions;
 mod pixel_size;
 #[cfg(test)]
 mod tests;
-mod tiles;
 
 pub use extent::{check_meeting, check_pixels, default_extent};
 pub use partitions::{Partitions, Slab};
 pub use pixel_size::default_pixel_size;
-pub use tiles::{TileGrid, TileId};

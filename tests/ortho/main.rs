@@ -2,6 +2,8 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod command;
+mod cracks;
+mod demo;
 mod golden;
 mod job;
 mod known_answer;
