@@ -57,6 +57,9 @@ pub enum Error {
     /// The command line, the project file or their combination makes no sense.
     #[error("{0}")]
     Usage(String),
+    /// The user or the system asked the process to end; what was finished is kept.
+    #[error("interrupted; the same command goes on from here")]
+    Interrupted,
     /// The job cannot be done within the memory or disk it was given; nothing was begun.
     #[error("{what} needs {} MiB, but only {} MiB are allowed{}", needed_bytes.div_ceil(1 << 20), allowed_bytes >> 20, hint.as_deref().map(|h| format!(" ({h})")).unwrap_or_default())]
     OverBudget {
@@ -103,7 +106,7 @@ impl Error {
     }
 
     /// The exit code of the command for this error: 2 bad input or usage, 3 over budget,
-    /// 4 I/O error (a retry may help). A named file that does not exist is bad input.
+    /// 4 I/O error or interrupted (a retry may help). A named file that does not exist is bad input.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Io { source, .. } => match source.kind() {
@@ -117,6 +120,7 @@ impl Error {
             | Self::Limit { .. }
             | Self::Usage(_) => 2,
             Self::OverBudget { .. } => 3,
+            Self::Interrupted => 4,
         }
     }
 }

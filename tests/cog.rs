@@ -157,13 +157,13 @@ fn write(case: &Case, folder: &Path) -> Vec<(Layer, Value)> {
     let render = |tile: TileAddress| {
         Ok(layers.iter().map(|l| raster(l, manifest.tile_rect(tile))).collect())
     };
-    run(&job, &render, &|_| {}).unwrap();
+    run(&job, &render, &|_| Ok(())).unwrap();
     let outputs: Vec<PathBuf> =
         layers.iter().map(|l| folder.join(l.meaning().name()).with_extension("tif")).collect();
     let parts = [part];
     let assembly =
         Assembly { manifest: &manifest, parts: &parts, outputs: &outputs, big_tiff: case.big_tiff };
-    assemble(&assembly).unwrap();
+    assemble(&assembly, &|| Ok(())).unwrap();
     for (layer, path) in layers.iter().zip(&outputs) {
         check_with_tiff_crate(&manifest, layer, path);
     }

@@ -23,15 +23,15 @@ pub struct Assembly<'a> {
 
 /// Writes the files of all layers, and when all are whole, puts them in their places, the mosaic last. What stood
 /// there is replaced, each file at once. Compressed tiles are copied as they are: memory is the parts' indexes, the
-/// tables of one layer and one tile.
+/// tables of one layer and one tile. `progress` is called once a tile, overviews and layers counted.
 ///
 /// # Errors
-/// If tiles are missing (they are named), a part is damaged, or the disk refuses. Unless the last step, the renaming,
+/// If tiles are missing (they are named), a part is damaged, the disk refuses, or `progress` says so. Unless the last step, the renaming,
 /// fails, all files that stood there stay.
 ///
 /// # Panics
 /// If there is not one output for each layer.
-pub fn assemble(assembly: &Assembly<'_>) -> Result<()> {
+pub fn assemble(assembly: &Assembly<'_>, progress: &dyn Fn() -> Result<()>) -> Result<()> {
     let manifest = assembly.manifest;
     assert_eq!(assembly.outputs.len(), manifest.layers().len(), "one output a layer");
     let parts: Result<Vec<_>> =
@@ -40,7 +40,7 @@ pub fn assemble(assembly: &Assembly<'_>) -> Result<()> {
     refuse_gaps(&known, manifest)?;
     let mut whole = Vec::new();
     for (layer, path) in assembly.outputs.iter().enumerate() {
-        whole.push((layer, write_layer(assembly, &known, layer, path)?));
+        whole.push((layer, write_layer(assembly, &known, (layer, path), progress)?));
     }
     // Readers wait for the mosaic; when it is there, so are its layers.
     whole.sort_by_key(|(layer, _)| manifest.layers()[*layer].meaning() == Meaning::Mosaic);
@@ -66,8 +66,8 @@ fn refuse_gaps(known: &Known<'_>, manifest: &Manifest) -> Result<()> {
 fn write_layer(
     assembly: &Assembly<'_>,
     known: &Known<'_>,
-    layer: usize,
-    path: &Path,
+    (layer, path): (usize, &Path),
+    progress: &dyn Fn() -> Result<()>,
 ) -> Result<PendingFile> {
     let manifest = assembly.manifest;
     let pyramid = manifest.pyramid();
@@ -85,6 +85,7 @@ fn write_layer(
     for (part, entry) in places() {
         part.read(entry, &mut bytes)?;
         writer.write_tile(&bytes)?;
+        progress()?;
     }
     writer.complete()
 }

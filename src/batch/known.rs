@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::notes::note_layer;
 use super::part::Entry;
 use super::{Manifest, PartReader, TileAddress};
 use crate::output::{Pyramid, Raster, Scratch, TileKey, decode_tile};
@@ -32,9 +33,10 @@ impl<'a> Known<'a> {
         &self.parts
     }
 
-    /// Whether all layers of a tile are there.
+    /// Whether all layers of a tile are there, and its note if it is one that is rendered.
     pub(super) fn has(&self, tile: TileKey) -> bool {
-        (0..self.manifest.layers().len()).all(|layer| self.find(layer, tile).is_some())
+        let layers = note_layer(self.manifest) + usize::from(tile.level == 0);
+        (0..layers).all(|layer| self.find(layer, tile).is_some())
     }
 
     /// The part that holds a tile of a layer, and where.

@@ -11,6 +11,8 @@
 //! | index entry | layer u16, level u16, tile x u32, tile y u32, length u32, offset of the record u64 |
 //! | trailer | offset of the index u64, number of entries u64, CRC-32 u32, zero u32, magic `GRNDPEND` 8 |
 //!
+//! What was found on a tile of level 0, its note, is a record of its own, whose layer is the number of layers.
+//!
 //! A record's CRC is over its header from `layer` to `length` and its bytes; the trailer's over the entries and the
 //! trailer's first 16 bytes. Index entries are in the order level, y, x, layer.
 
@@ -19,7 +21,7 @@ use std::collections::BTreeSet;
 use crate::output::{Pyramid, TileKey};
 
 pub(super) const MAGIC: &[u8; 8] = b"GRNDPART";
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 pub(super) const HEADER_BYTES: usize = 32;
 pub(super) const RECORD_MAGIC: &[u8; 4] = b"TILE";
 pub(super) const RECORD_BYTES: usize = 24;
@@ -54,9 +56,10 @@ impl Entry {
         TileKey::new(self.level.into(), self.x, self.y)
     }
 
-    /// Whether a job has such a tile.
+    /// Whether a job has such a tile; `layers` is the number that its notes bear in place of a layer's.
     pub(super) fn is_of(&self, pyramid: &Pyramid, layers: usize) -> bool {
-        usize::from(self.layer) < layers && pyramid.contains(self.tile())
+        let layer = usize::from(self.layer);
+        (layer < layers || layer == layers && self.level == 0) && pyramid.contains(self.tile())
     }
 
     /// Header of the record, with the CRC of it and of `bytes`.
@@ -170,7 +173,7 @@ mod tests {
         assert_eq!(Entry::from_record(&record, 0x20), Some((entry, crc)));
         assert_eq!(Entry::from_index(&entry.to_index()), entry);
         let head = header(7);
-        assert_eq!(&head[..17], b"GRNDPART\x01\0\0\0\0\0\0\0\x07");
+        assert_eq!(&head[..17], b"GRNDPART\x02\0\0\0\0\0\0\0\x07");
         let tail = trailer(&entry.to_index(), 0x100);
         assert_eq!(tail[..16], [0, 1, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(&tail[24..], b"GRNDPEND");

@@ -13,6 +13,7 @@ use std::sync::{Mutex, PoisonError};
 use crossbeam::channel::{Receiver, Sender, bounded};
 
 use super::known::{Known, Work};
+use super::notes::note_layer;
 use super::{Manifest, PartReader, PartState, PartWriter, TileAddress};
 use crate::output::{OverviewBuilder, Quarter, Raster, Scratch, TileKey, encode_tile};
 use crate::{Error, Result};
@@ -28,12 +29,20 @@ pub trait TileRenderer: Sync {
     /// New working memory.
     fn scratch(&self) -> Self::Scratch;
 
-    /// The pixels of a tile: one raster for each layer of the manifest, in its order, each of the size of
-    /// [`Manifest::tile_rect`].
+    /// Renders a tile.
     ///
     /// # Errors
     /// Whatever keeps the tile from being rendered; it ends the run.
-    fn render(&self, tile: TileAddress, scratch: &mut Self::Scratch) -> Result<Vec<Raster>>;
+    fn render(&self, tile: TileAddress, scratch: &mut Self::Scratch) -> Result<Rendered>;
+}
+
+/// A rendered tile.
+#[derive(Debug, Clone)]
+pub struct Rendered {
+    /// One raster for each layer of the manifest, in its order, each of the size of [`Manifest::tile_rect`].
+    pub rasters: Vec<Raster>,
+    /// What was found on the tile, in the renderer's own words: it is kept beside the tile, see [`super::notes`].
+    pub note: Vec<u8>,
 }
 
 impl<F: Fn(TileAddress) -> Result<Vec<Raster>> + Sync> TileRenderer for F {
@@ -41,8 +50,8 @@ impl<F: Fn(TileAddress) -> Result<Vec<Raster>> + Sync> TileRenderer for F {
 
     fn scratch(&self) {}
 
-    fn render(&self, tile: TileAddress, (): &mut ()) -> Result<Vec<Raster>> {
-        self(tile)
+    fn render(&self, tile: TileAddress, (): &mut ()) -> Result<Rendered> {
+        Ok(Rendered { rasters: self(tile)?, note: Vec::new() })
     }
 }
 
@@ -94,14 +103,15 @@ pub fn completed(manifest: &Manifest, part: &Path) -> Result<Vec<TileAddress>> {
 /// the thread that rendered it.
 ///
 /// # Errors
-/// The first error of the renderer or the disk; the part then holds what was finished before and can be resumed.
+/// The first error of the renderer, the disk or `progress`; the part then holds what was finished before and can be
+/// resumed.
 ///
 /// # Panics
 /// If a tile is outside the mosaic or comes twice, or a raster has not the size or the samples that it should.
 pub fn run<R: TileRenderer>(
     run: &Run<'_>,
     renderer: &R,
-    progress: &(dyn Fn(Progress) + Sync),
+    progress: &(dyn Fn(Progress) -> Result<()> + Sync),
 ) -> Result<RunSummary> {
     check_tiles(run);
     let mut parts = Vec::new();
@@ -184,7 +194,7 @@ impl Crew<'_> {
     fn make<R: TileRenderer>(
         self,
         renderer: &R,
-        progress: &(dyn Fn(Progress) + Sync),
+        progress: &(dyn Fn(Progress) -> Result<()> + Sync),
         writer: PartWriter,
     ) -> Result<()> {
         let queue = QUEUE_PER_THREAD * rayon::current_num_threads();
@@ -235,7 +245,7 @@ impl Crew<'_> {
     fn labour<R: TileRenderer>(
         &self,
         renderer: &R,
-        progress: &(dyn Fn(Progress) + Sync),
+        progress: &(dyn Fn(Progress) -> Result<()> + Sync),
         sender: &Sender<Record>,
     ) -> Result<()> {
         let mut own = renderer.scratch();
@@ -250,11 +260,16 @@ impl Crew<'_> {
                     self.deliver(*tile, rasters, sender, &mut scratch);
                 }
                 Work::Render(address) => {
-                    let rasters = renderer.render(*address, &mut own)?;
-                    self.check((*address).into(), &rasters);
-                    self.deliver((*address).into(), rasters, sender, &mut scratch);
+                    let Rendered { rasters, note } = renderer.render(*address, &mut own)?;
+                    let tile = (*address).into();
+                    self.check(tile, &rasters);
+                    // The note first: where all layers are, it is.
+                    let layer = note_layer(self.manifest);
+                    if sender.send(Record { layer, tile, bytes: note }).is_ok() {
+                        self.deliver(tile, rasters, sender, &mut scratch);
+                    }
                     let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-                    progress(Progress { done, total: self.total });
+                    progress(Progress { done, total: self.total })?;
                 }
             }
         }

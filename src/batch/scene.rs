@@ -1,33 +1,25 @@
 //! [`SceneTiles`]: a [`Scene`] as the renderer of a job's tiles.
 
-use std::sync::{Mutex, PoisonError};
+use std::path::{Path, PathBuf};
 
-use super::{Manifest, TileAddress, TileRenderer};
-use crate::Result;
+use super::{Manifest, Rendered, TileAddress, TileRenderer, notes};
 use crate::image::Samples;
 use crate::output::{Meaning, Raster};
-use crate::render::{OrthoTile, Renderer, Scene, Statistics};
+use crate::render::{OrthoTile, PhotoStats, Renderer, Scene, Statistics};
+use crate::{Error, Result};
 
-/// Renders the tiles of a job and adds up what was found. Its statistics are integers: their sum does not depend on
-/// the order in which threads finish.
+/// Renders the tiles of a job; the note of a tile is its statistics.
 #[derive(Debug)]
 pub struct SceneTiles<'a> {
     scene: &'a Scene,
     manifest: &'a Manifest,
     block_bytes: u64,
-    statistics: Mutex<Statistics>,
 }
 
 impl<'a> SceneTiles<'a> {
     /// A renderer of the job's tiles whose threads keep their working memory within about `block_bytes` each.
     pub fn new(scene: &'a Scene, manifest: &'a Manifest, block_bytes: u64) -> Self {
-        let statistics = Mutex::new(Statistics::new(scene.names));
-        Self { scene, manifest, block_bytes, statistics }
-    }
-
-    /// What was found on the tiles rendered so far.
-    pub fn into_statistics(self) -> Statistics {
-        self.statistics.into_inner().unwrap_or_else(PoisonError::into_inner)
+        Self { scene, manifest, block_bytes }
     }
 }
 
@@ -38,12 +30,68 @@ impl<'a> TileRenderer for SceneTiles<'a> {
         Renderer::new(self.scene, self.block_bytes)
     }
 
-    fn render(&self, tile: TileAddress, renderer: &mut Renderer<'a>) -> Result<Vec<Raster>> {
+    fn render(&self, tile: TileAddress, renderer: &mut Renderer<'a>) -> Result<Rendered> {
         let tile = renderer.tile(self.manifest.tile_rect(tile))?;
-        let found = renderer.take_statistics();
-        self.statistics.lock().unwrap_or_else(PoisonError::into_inner).merge(&found);
-        Ok(self.manifest.layers().iter().map(|l| raster(&tile, l.meaning())).collect())
+        let rasters = self.manifest.layers().iter().map(|l| raster(&tile, l.meaning())).collect();
+        Ok(Rendered { rasters, note: to_note(&renderer.take_statistics()) })
     }
+}
+
+/// The sum of what was found on all tiles of some parts, for a camera set of `photos`. The counts are integers: their
+/// sum does not depend on the order of the tiles.
+///
+/// # Errors
+/// As [`notes`], or if a note is not one of [`SceneTiles`].
+pub fn statistics(manifest: &Manifest, parts: &[PathBuf], photos: usize) -> Result<Statistics> {
+    let mut sum = Statistics::new(photos);
+    notes(manifest, parts, &mut |note| {
+        let path = parts.first().map_or(Path::new("parts"), PathBuf::as_path);
+        let bad =
+            || Error::corrupt(path, "note of a tile", "statistics of this job", "other bytes");
+        add_note(&mut sum, note).ok_or_else(bad)
+    })?;
+    Ok(sum)
+}
+
+/// Statistics as bytes, what is zero left out: `(value u8, pixels u64)` after their number (u32), then
+/// `(photo u32, seen, used, rejected, compared, residual u64)`; little-endian.
+fn to_note(found: &Statistics) -> Vec<u8> {
+    let counts = || (0_u8..).zip(&found.counts).filter(|(_, pixels)| **pixels > 0);
+    let mut note = u32::try_from(counts().count()).unwrap_or(u32::MAX).to_le_bytes().to_vec();
+    for (value, pixels) in counts() {
+        note.push(value);
+        note.extend(pixels.to_le_bytes());
+    }
+    for (photo, p) in (0_u32..).zip(&found.photos).filter(|(_, p)| **p != PhotoStats::default()) {
+        note.extend(photo.to_le_bytes());
+        for number in [p.seen, p.used, p.rejected, p.compared, p.residual_256] {
+            note.extend(number.to_le_bytes());
+        }
+    }
+    note
+}
+
+/// Adds what a note says; `None` if it is no such note.
+fn add_note(sum: &mut Statistics, note: &[u8]) -> Option<()> {
+    let (number, rest) = note.split_first_chunk::<4>()?;
+    let (counts, photos) =
+        rest.split_at_checked(usize::try_from(u32::from_le_bytes(*number)).ok()?.checked_mul(9)?)?;
+    for count in counts.as_chunks::<9>().0 {
+        let (value, pixels) = count.split_first_chunk::<1>()?;
+        let slot = sum.counts.get_mut(usize::from(value[0]))?;
+        *slot = slot.checked_add(u64::from_le_bytes(*pixels.first_chunk()?))?;
+    }
+    let (photos, []) = photos.as_chunks::<44>() else { return None };
+    for photo in photos {
+        let (index, numbers) = photo.split_first_chunk::<4>()?;
+        let to = sum.photos.get_mut(usize::try_from(u32::from_le_bytes(*index)).ok()?)?;
+        let slots =
+            [&mut to.seen, &mut to.used, &mut to.rejected, &mut to.compared, &mut to.residual_256];
+        for (slot, number) in slots.into_iter().zip(numbers.as_chunks::<8>().0) {
+            *slot = slot.checked_add(u64::from_le_bytes(*number))?;
+        }
+    }
+    Some(())
 }
 
 /// One layer of a tile.
@@ -59,5 +107,32 @@ fn raster(tile: &OrthoTile, meaning: Meaning) -> Raster {
         Meaning::Used => Raster::U8(tile.used.clone()),
         Meaning::Coverage => Raster::U8(tile.coverage.clone()),
         Meaning::Best => Raster::U16(tile.best.clone()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn notes_add_up_to_the_statistics_and_other_bytes_are_refused() {
+        let mut found = Statistics::new(3);
+        (found.counts[0], found.counts[2], found.counts[255]) = (5, u64::from(u32::MAX) + 9, 1);
+        found.photos[2] =
+            PhotoStats { seen: 1, used: 2, rejected: 3, compared: 4, residual_256: 1 << 40 };
+        let note = to_note(&found);
+        let mut sum = Statistics::new(3);
+        add_note(&mut sum, &note).unwrap();
+        assert_eq!(sum, found);
+        add_note(&mut sum, &note).unwrap();
+        let mut twice = found.clone();
+        twice.merge(&found);
+        assert_eq!(sum, twice);
+        for cut in 0..note.len() {
+            let whole = add_note(&mut Statistics::new(3), &note[..cut]);
+            // Cut behind the counts, it is the note of a tile that no photo sees.
+            assert_eq!(whole.is_some(), cut == 4 + 3 * 9, "{cut}");
+        }
+        assert!(add_note(&mut Statistics::new(2), &note).is_none());
     }
 }

@@ -55,7 +55,7 @@ fn image<T: Copy>(rect: PixelRect, channels: usize, pixel: impl Fn(u8, u8) -> Ve
 fn run_tiles(part: &Path, others: &[PathBuf], tiles: &[TileAddress]) -> Result<RunSummary> {
     let manifest = manifest();
     let renderer = |tile| Ok(render(&manifest, tile));
-    run(&Run { manifest: &manifest, part, others, tiles }, &renderer, &|_| {})
+    run(&Run { manifest: &manifest, part, others, tiles }, &renderer, &|_| Ok(()))
 }
 
 /// The bytes of the three files of some parts.
@@ -63,7 +63,7 @@ fn assembled(folder: &Path, parts: &[PathBuf]) -> Result<Vec<Vec<u8>>> {
     let manifest = manifest();
     let outputs = ["a.tif", "a.elevation.tif", "a.face.tif"].map(|n| folder.join(n));
     let big_tiff = BigTiff::IfNeeded;
-    assemble(&Assembly { manifest: &manifest, parts, outputs: &outputs, big_tiff })?;
+    assemble(&Assembly { manifest: &manifest, parts, outputs: &outputs, big_tiff }, &|| Ok(()))?;
     Ok(outputs.iter().map(|path| fs::read(path).unwrap()).collect())
 }
 
@@ -227,7 +227,7 @@ fn the_first_error_ends_the_run_and_the_next_run_goes_on() {
     };
     let job = Run { manifest: &manifest, part: &part, others: &[], tiles: &tiles };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-    let e = pool.install(|| run(&job, &failing, &|_| {})).unwrap_err();
+    let e = pool.install(|| run(&job, &failing, &|_| Ok(()))).unwrap_err();
     assert_eq!(e.to_string(), "the photo is gone");
     let rendered = rendered.into_inner();
     assert!((19..35).contains(&rendered), "{rendered}");
@@ -258,7 +258,7 @@ fn a_part_of_another_job_is_begun_anew_by_a_run_and_refused_by_an_assembly() {
     let part = folder.path().join("other.part");
     let renderer = |tile| Ok(render(&other, tile));
     let job = Run { manifest: &other, part: &part, others: &[], tiles: &all_tiles() };
-    run(&job, &renderer, &|_| {}).unwrap();
+    run(&job, &renderer, &|_| Ok(())).unwrap();
     assert!(completed(&own, &part).unwrap().is_empty());
     let parts = [whole, part.clone()];
     assert!(matches!(assembled(folder.path(), &parts), Err(Error::Corrupt { .. })));
@@ -282,6 +282,7 @@ fn progress_counts_every_tile_once_up_to_the_total() {
     let note = |p: Progress| {
         assert_eq!(p.total, 35);
         seen.lock().unwrap().push(p.done);
+        Ok(())
     };
     run(&job, &|tile| Ok(render(&manifest, tile)), &note).unwrap();
     let mut seen = seen.into_inner().unwrap();

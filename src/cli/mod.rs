@@ -12,6 +12,7 @@ mod console;
 mod demo;
 mod frame_choice;
 mod info;
+mod interrupt;
 mod ortho;
 mod progress;
 mod project;

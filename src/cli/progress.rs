@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 
-use super::console;
+use super::{console, interrupt};
+use crate::Result;
 
 /// A plain line is written each time this share of the work is done.
 const LINES: u64 = 10;
@@ -54,7 +55,10 @@ impl Progress {
     }
 
     /// `count` more are done.
-    pub fn add(&self, count: u64) {
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`] if the process was asked to end.
+    pub fn add(&self, count: u64) -> Result<()> {
         match &self.shown {
             Shown::Nothing => {}
             Shown::Bar(bar) => bar.inc(count),
@@ -65,6 +69,7 @@ impl Progress {
                 }
             }
         }
+        interrupt::check()
     }
 
     /// The stage has ended, well or not: the bar goes away, so that what follows stands on a clean line.

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::args::{Args, Command};
 use super::config::Config;
-use super::{console, demo, info, ortho, ortho::ExitStatus};
+use super::{console, demo, info, interrupt, ortho, ortho::ExitStatus};
 use crate::{Error, Result};
 
 /// Exit code of a wrong command line.
@@ -26,6 +26,7 @@ pub fn run(typed: impl IntoIterator<Item = OsString>) -> u8 {
             return 0;
         }
     };
+    interrupt::watch();
     match dispatch(args.command) {
         Ok(status) => status.code(),
         Err(error) => {

@@ -43,7 +43,7 @@ fn a_store_of_many_partitions_gives_extent_and_pixel_size() {
     let mesh = PlyMesh::open(&path).unwrap();
     let work = folder.path().to_path_buf();
     let build = MeshBuild { work, budget_bytes: 1 << 20, resident_limit_bytes: 0 };
-    let store = build.open_or_build(&[&mesh], &mut |_, _, _| {}).unwrap();
+    let store = build.open_or_build(&[&mesh], &mut |_, _, _| Ok(())).unwrap();
     assert!(store.count() > 5, "several partitions");
 
     let plane = Plane::top();

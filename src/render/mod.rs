@@ -17,6 +17,6 @@ pub use scene::{Scene, ScenePhoto};
 pub use tile::Renderer;
 
 pub use crate::blend::{
-    Blend, OrthoTile, Outliers, Settings as BlendSettings, Statistics, Weights,
+    Blend, OrthoTile, Outliers, PhotoStats, Settings as BlendSettings, Statistics, Weights,
 };
 pub use crate::sample::Interpolation;

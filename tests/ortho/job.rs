@@ -28,7 +28,7 @@ pub(super) fn open(test: &TestScene, folder: &Path, cameras: &CameraSet) -> Scen
         budget_bytes: 32 << 20,
         resident_limit_bytes: 32 << 20,
     };
-    let mesh = build.open_or_build(&[mesh.as_ref()], &mut |_, _, _| {}).unwrap();
+    let mesh = build.open_or_build(&[mesh.as_ref()], &mut |_, _, _| Ok(())).unwrap();
     let source = |name: &String| PhotoSource {
         name: name.clone(),
         path: folder.join("photos").join(name),
@@ -37,7 +37,7 @@ pub(super) fn open(test: &TestScene, folder: &Path, cameras: &CameraSet) -> Scen
     let sources: Vec<_> = cameras.names.iter().map(source).collect();
     let tiles = folder.join("work/photos");
     let preparation = Preparation { folder: &tiles, budget_bytes: 64 << 20, threads: 2 };
-    let stores = prepare_photos(&sources, &preparation, &|_| {}).unwrap();
+    let stores = prepare_photos(&sources, &preparation, &|_| Ok(())).unwrap();
     let paths = stores.into_iter().map(|s| s.unwrap().path().to_path_buf());
     let entries: Vec<(usize, PathBuf)> = paths.enumerate().collect();
     let origin = mesh.origin();

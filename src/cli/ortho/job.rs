@@ -1,7 +1,7 @@
 //! The plan of a job: its grid, its scene, its manifest and where its files go.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::DVec3;
 use xxhash_rust::xxh3::xxh3_128;
@@ -81,7 +81,7 @@ impl Job {
             tolerance_m: rendering.tolerance_m,
         };
         let folder = config.work.join(format!("job-{:032x}", manifest.fingerprint()));
-        fresh_folder(&folder)?;
+        fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
         manifest.save(&folder.join("manifest.json"))?;
         let outputs = manifest.layers().iter().map(|l| config.layer_file(l.meaning())).collect();
         let part = folder.join("part-0");
@@ -144,7 +144,7 @@ fn scene_photo(photo: &Photo, origin: DVec3, pixels: &PhotoStore, to: Depth) -> 
     Ok(ScenePhoto::new(index, photo, origin, own.gain(to)))
 }
 
-/// Identifies everything that decides a pixel: inputs and settings. Debug forms of f64 read back to the same bits.
+/// Identifies everything that decides a pixel: version, inputs and settings. Debug forms of f64 read back to the same bits.
 fn fingerprint(
     mosaic: &Mosaic,
     mesh: &MeshStore,
@@ -152,7 +152,8 @@ fn fingerprint(
     photos: &[Photo],
     rendering: &Rendering,
 ) -> String {
-    let mut text = format!("{}\n{:?}\n{rendering:?}\n", frame_toml(mosaic), mesh.key());
+    let version = env!("CARGO_PKG_VERSION");
+    let mut text = format!("{version}\n{}\n{:?}\n{rendering:?}\n", frame_toml(mosaic), mesh.key());
     let photo_line = |p: &Photo| format!("{p:?} {:?}\n", pixels.fingerprint(p.id.0 as usize));
     text.extend(photos.iter().map(photo_line));
     format!("{:032x}", xxh3_128(text.as_bytes()))
@@ -185,13 +186,4 @@ fn manifest(
     let layers = layers.into_iter().map(with_items).collect();
     let format = TileFormat { tile_size: config.tile_size, compression: config.compression };
     Manifest::new(mosaic.size, format, layers, Some(georeference), settings)
-}
-
-/// An empty folder: what an earlier run left is dropped, so that the report counts every tile of this run.
-fn fresh_folder(folder: &Path) -> Result<()> {
-    match fs::remove_dir_all(folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io(folder, e)),
-        _ => {}
-    }
-    fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
 }

@@ -4,15 +4,18 @@ use std::fs;
 
 use super::super::config::Config;
 use super::super::console;
+use super::super::interrupt;
 use super::super::progress::Progress;
 use super::inputs::Inputs;
 use super::job::Job;
 use super::reporting;
 use super::stores::Stores;
-use crate::batch::{Assembly, Run, SceneTiles, assemble, curve_order, run as run_batch};
+use crate::batch::{
+    Assembly, Run, SceneTiles, assemble, completed, curve_order, run as run_batch, statistics,
+};
 use crate::frame::frame_toml;
 use crate::output::{BigTiff, write_atomically};
-use crate::render::{Budget, Statistics};
+use crate::render::Budget;
 use crate::report::StageLog;
 use crate::{Error, Result};
 
@@ -56,32 +59,39 @@ fn stages(config: &Config) -> Result<ExitStatus> {
         console::note(&format!("groundel: {} is left out: {}", left_out.photo, left_out.reason));
     }
     let job = log.run("plan", || Job::plan(config, &inputs, stores))?;
-    let statistics = log.run("tiles", || tiles(config, &job, &budget))?;
+    log.run("tiles", || tiles(config, &job, &budget))?;
+    let parts = std::slice::from_ref(&job.part);
+    let statistics = statistics(&job.manifest, parts, inputs.cameras.names.len())?;
     log.run("files", || files(config, &job))?;
     reporting::report(config, &inputs, &job, &statistics, &log)?;
     Ok(if job.left_out.is_empty() { ExitStatus::Done } else { ExitStatus::PhotosLeftOut })
 }
 
 /// Renders every tile into the job's part file.
-fn tiles(config: &Config, job: &Job, budget: &Budget) -> Result<Statistics> {
+fn tiles(config: &Config, job: &Job, budget: &Budget) -> Result<()> {
     let order = curve_order(&job.manifest.pyramid());
     let renderer = SceneTiles::new(&job.scene, &job.manifest, budget.block_bytes);
-    let progress = Progress::start("rendering", "tiles", order.len() as u64, config.quiet);
+    let kept = completed(&job.manifest, &job.part)?.len();
+    if kept > 0 && !config.quiet {
+        console::note(&format!("groundel: going on after {kept} of {} tiles", order.len()));
+    }
+    let left = (order.len() - kept) as u64;
+    let progress = Progress::start("rendering", "tiles", left, config.quiet);
     let batch = Run { manifest: &job.manifest, part: &job.part, others: &[], tiles: &order };
     let done = run_batch(&batch, &renderer, &|_| progress.add(1));
     progress.finish();
-    done?;
-    Ok(renderer.into_statistics())
+    done.map(|_| ())
 }
 
 /// Assembles the final files: layers first, the mosaic last.
 fn files(config: &Config, job: &Job) -> Result<()> {
     write_atomically(config.frame_file(), frame_toml(&job.mosaic).as_bytes())?;
-    assemble(&Assembly {
+    let assembly = Assembly {
         manifest: &job.manifest,
         parts: std::slice::from_ref(&job.part),
         outputs: &job.outputs,
         big_tiff: BigTiff::IfNeeded,
-    })?;
+    };
+    assemble(&assembly, &interrupt::check)?;
     fs::remove_dir_all(&job.folder).map_err(|e| Error::io(&job.folder, e))
 }

@@ -42,8 +42,9 @@ impl Stores {
         let mut shown = 0;
         let built = build.open_or_build(&sources, &mut |stage, done, total| {
             let percent = percent(stage, done, total);
-            progress.add(percent.saturating_sub(shown));
+            let more = percent.saturating_sub(shown);
             shown = shown.max(percent);
+            progress.add(more)
         });
         progress.finish();
         built

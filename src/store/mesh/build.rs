@@ -53,7 +53,8 @@ impl MeshBuild {
     ///
     /// # Errors
     /// Those of the meshes; [`Error::Corrupt`] for a face that uses a vertex which is not finite, or a file that
-    /// changes while it is read; [`Error::Limit`] for more faces than 32 bits can number; [`Error::Io`].
+    /// changes while it is read; [`Error::Limit`] for more faces than 32 bits can number; [`Error::Io`]; what
+    /// `on_progress` returns. Nothing is left then.
     pub fn open_or_build(
         &self,
         sources: &[&dyn MeshSource],
@@ -135,7 +136,7 @@ impl Job<'_> {
             let file = (!self.plan.holds_vertices).then_some(file);
             vertices.push(placement.place(*source, usable, file, &mut cells)?);
             done += source.vertex_count();
-            meter.tell(BuildStage::Vertices, done, counts.vertices);
+            meter.tell(BuildStage::Vertices, done, counts.vertices)?;
         }
         // 3. Faces into buckets.
         let ranges = self.plan.ranges(&cells);
@@ -176,8 +177,7 @@ impl Sink for Metered<'_> {
     fn take(&mut self, triangles: &[Triangle]) -> Result<()> {
         self.cutter.take(triangles)?;
         self.done += triangles.len() as u64;
-        self.meter.tell(BuildStage::Partitions, self.done, self.total);
-        Ok(())
+        self.meter.tell(BuildStage::Partitions, self.done, self.total)
     }
 }
 

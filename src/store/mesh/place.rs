@@ -58,8 +58,7 @@ pub(super) fn survey(
             survey.unusable += chunk.len() as u64 - count;
             survey.bounds = survey.bounds.union(bounds);
             done += chunk.len() as u64;
-            meter.tell(BuildStage::Bounds, done, total);
-            Ok(())
+            meter.tell(BuildStage::Bounds, done, total)
         })?;
         survey.usable.push(here);
     }

@@ -70,7 +70,7 @@ impl Scatter<'_> {
             read?;
             if let Some(last_face) = now.last_face {
                 let done = u64::from(first_id) + u64::from(last_face) + 1;
-                self.meter.tell(BuildStage::Faces, done, self.counts.faces);
+                self.meter.tell(BuildStage::Faces, done, self.counts.faces)?;
             }
             std::mem::swap(&mut now, &mut next);
         }

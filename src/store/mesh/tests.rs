@@ -124,7 +124,7 @@ fn wall(folder: &Path, n: u32, is_shuffled: bool) -> TestMesh {
 
 fn build_in(work: &Path, meshes: &[&dyn MeshSource], budget_bytes: usize) -> Result<MeshStore> {
     let build = MeshBuild { work: work.to_path_buf(), budget_bytes, resident_limit_bytes: 0 };
-    build.open_or_build(meshes, &mut |_, _, _| {})
+    build.open_or_build(meshes, &mut |_, _, _| Ok(()))
 }
 
 fn partitions_of(store: &MeshStore) -> Vec<PartitionId> {
@@ -335,6 +335,7 @@ fn a_matching_store_is_reused_and_a_damaged_or_stale_one_rebuilt() {
         let store = build.open_or_build(&[&mesh], &mut |stage, done, total| {
             assert!(done <= total);
             stages.push(stage);
+            Ok(())
         });
         (store.unwrap().path().to_path_buf(), stages.clone())
     };
@@ -366,7 +367,10 @@ fn two_writers_of_one_store_do_not_meet() {
                 let work = dir.path().join("work");
                 let build = MeshBuild { work, budget_bytes: 1 << 20, resident_limit_bytes: 0 };
                 let mut was_built = 0;
-                let on_progress = &mut |_, _, _| was_built = 1;
+                let on_progress = &mut |_, _, _| {
+                    was_built = 1;
+                    Ok(())
+                };
                 assert_holds(&build.open_or_build(&[&mesh], on_progress).unwrap(), &[&mesh]);
                 built.fetch_add(was_built, std::sync::atomic::Ordering::Relaxed);
             });

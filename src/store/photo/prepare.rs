@@ -66,11 +66,11 @@ type Outcome = std::result::Result<PhotoTiles, LeftOut>;
 ///
 /// # Errors
 /// [`Error::OverBudget`] if a photo cannot be decoded within the budget; [`Error::Io`] for the folder, a full disk,
-/// or a photo that is there but cannot be read.
+/// or a photo that is there but cannot be read; what `progress` returns: then no further photo is begun.
 pub fn prepare_photos(
     sources: &[PhotoSource],
     preparation: &Preparation<'_>,
-    progress: &(dyn Fn(Progress) + Sync),
+    progress: &(dyn Fn(Progress) -> Result<()> + Sync),
 ) -> Result<Vec<Outcome>> {
     let folder = preparation.folder;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
@@ -79,12 +79,12 @@ pub fn prepare_photos(
     let done = AtomicUsize::new(0);
     let report = || {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        progress(Progress { done, total: sources.len() });
+        progress(Progress { done, total: sources.len() })
     };
     let surveyed = in_parallel(sources.len(), preparation.threads, &Budget::unlimited(), |i| {
         let survey = survey(&sources[i], folder)?;
         if matches!(survey, Survey::Known(_)) {
-            report();
+            report()?;
         }
         Ok(survey)
     })?;
@@ -107,7 +107,7 @@ pub fn prepare_photos(
         let path = &sources[*number].path;
         let built = PhotoTiles::build(path, &work.header, work.fingerprint, &work.store);
         let outcome = left_out_or_fatal(built, path)?;
-        report();
+        report()?;
         Ok(outcome)
     })?;
     for ((number, _), outcome) in works.iter().zip(built) {
@@ -314,7 +314,7 @@ mod tests {
     fn prepare(sources: &[PhotoSource], folder: &Path) -> Result<Vec<Outcome>> {
         let folder = folder.join("store");
         let preparation = Preparation { folder: &folder, budget_bytes: 1 << 30, threads: 3 };
-        prepare_photos(sources, &preparation, &|_| {})
+        prepare_photos(sources, &preparation, &|_| Ok(()))
     }
 
     #[test]
@@ -422,7 +422,7 @@ mod tests {
         let store = folder.path().join("store");
         let with = |budget_bytes| {
             let preparation = Preparation { folder: &store, budget_bytes, threads: 2 };
-            prepare_photos(&sources, &preparation, &|_| {})
+            prepare_photos(&sources, &preparation, &|_| Ok(()))
         };
         let e = with(working_bytes(&header) - 1).unwrap_err();
         assert_eq!(e.exit_code(), 3);
@@ -441,8 +441,11 @@ mod tests {
         let seen = Mutex::new(Vec::new());
         let preparation =
             Preparation { folder: &folder.path().join("s"), budget_bytes: 1 << 30, threads: 2 };
-        prepare_photos(&sources, &preparation, &|p| seen.lock().unwrap().push((p.done, p.total)))
-            .unwrap();
+        let note = |p: Progress| {
+            seen.lock().unwrap().push((p.done, p.total));
+            Ok(())
+        };
+        prepare_photos(&sources, &preparation, &note).unwrap();
         let mut seen = seen.into_inner().unwrap();
         seen.sort_unstable();
         assert_eq!(seen, [(1, 3), (2, 3), (3, 3)]);
