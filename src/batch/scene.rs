@@ -56,7 +56,7 @@ pub fn statistics(manifest: &Manifest, parts: &[PathBuf], photos: usize) -> Resu
 /// Statistics as bytes, what is zero left out: `(value u8, pixels u64)` after their number (u32), then
 /// `(photo u32, seen, used, rejected, compared, residual u64)`; little-endian.
 fn to_note(found: &Statistics) -> Vec<u8> {
-    let counts = || (0_u8..).zip(&found.counts).filter(|(_, pixels)| **pixels > 0);
+    let counts = || (0..=u8::MAX).zip(&found.counts).filter(|(_, pixels)| **pixels > 0);
     let mut note = u32::try_from(counts().count()).unwrap_or(u32::MAX).to_le_bytes().to_vec();
     for (value, pixels) in counts() {
         note.push(value);

@@ -5,5 +5,6 @@ mod command;
 mod cracks;
 mod demo;
 mod golden;
+mod interruption;
 mod job;
 mod known_answer;
