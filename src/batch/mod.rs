@@ -10,6 +10,7 @@
 
 mod address;
 mod assemble;
+mod gauge;
 mod known;
 mod manifest;
 mod notes;

@@ -12,6 +12,7 @@ use std::sync::{Mutex, PoisonError};
 
 use crossbeam::channel::{Receiver, Sender, bounded};
 
+use super::gauge::Gauge;
 use super::known::{Known, Work};
 use super::notes::note_layer;
 use super::{Manifest, PartReader, PartState, PartWriter, TileAddress};
@@ -85,6 +86,8 @@ pub struct RunSummary {
     pub rendered: usize,
     /// Tiles that were there before.
     pub reused: usize,
+    /// Bytes of finished tiles held at most, as pixels, quarters of overviews, or encoded and waiting for the disk.
+    pub peak_bytes: u64,
 }
 
 /// The tiles of a job that a part holds with all their layers: a run over it will not render them again. None if the
@@ -128,7 +131,8 @@ pub fn run<R: TileRenderer>(
     let known = Known::new(run.manifest, parts);
     let work = known.work(run.tiles);
     let rendered = work.iter().filter(|w| matches!(w, Work::Render(_))).count();
-    let summary = RunSummary { rendered, reused: run.tiles.len() - rendered };
+    let reused = run.tiles.len() - rendered;
+    let summary = RunSummary { rendered, reused, peak_bytes: 0 };
     if work.is_empty() && was_finished {
         return Ok(summary);
     }
@@ -146,9 +150,10 @@ pub fn run<R: TileRenderer>(
         builder: Mutex::new(OverviewBuilder::new(run.manifest.pyramid())),
         stop: AtomicBool::new(false),
         error: Mutex::new(None),
+        held: Gauge::default(),
     };
-    crew.make(renderer, progress, writer)?;
-    Ok(summary)
+    let peak_bytes = crew.make(renderer, progress, writer)?;
+    Ok(RunSummary { peak_bytes, ..summary })
 }
 
 fn check_tiles(run: &Run<'_>) {
@@ -177,6 +182,8 @@ struct Crew<'a> {
     builder: Mutex<OverviewBuilder>,
     stop: AtomicBool,
     error: Mutex<Option<Error>>,
+    /// Bytes of finished tiles.
+    held: Gauge,
 }
 
 /// Stops the other workers if this one panics.
@@ -196,7 +203,7 @@ impl Crew<'_> {
         renderer: &R,
         progress: &(dyn Fn(Progress) -> Result<()> + Sync),
         writer: PartWriter,
-    ) -> Result<()> {
+    ) -> Result<u64> {
         let queue = QUEUE_PER_THREAD * rayon::current_num_threads();
         let (sender, receiver) = bounded(queue);
         let written = std::thread::scope(|scope| {
@@ -216,7 +223,7 @@ impl Crew<'_> {
             Err(panic) => std::panic::resume_unwind(panic),
         };
         match self.error.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            None => writer.finish(),
+            None => writer.finish().map(|()| self.held.peak()),
             Some(e) => {
                 writer.suspend()?;
                 Err(e)
@@ -233,7 +240,9 @@ impl Crew<'_> {
     /// the workers stop.
     fn write(&self, mut writer: PartWriter, receiver: Receiver<Record>) -> Result<PartWriter> {
         for record in receiver {
-            if let Err(e) = writer.append(record.layer, record.tile, &record.bytes) {
+            let appended = writer.append(record.layer, record.tile, &record.bytes);
+            self.held.give_back(record.bytes.len() as u64);
+            if let Err(e) = appended {
                 self.stop.store(true, Ordering::Relaxed);
                 return Err(e);
             }
@@ -265,7 +274,7 @@ impl Crew<'_> {
                     self.check(tile, &rasters);
                     // The note first: where all layers are, it is.
                     let layer = note_layer(self.manifest);
-                    if sender.send(Record { layer, tile, bytes: note }).is_ok() {
+                    if self.queue(Record { layer, tile, bytes: note }, sender) {
                         self.deliver(tile, rasters, sender, &mut scratch);
                     }
                     let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -293,18 +302,23 @@ impl Crew<'_> {
         let layers = self.manifest.layers();
         let (mut tile, mut rasters) = (tile, rasters);
         loop {
-            if !self.known.has(tile) && !self.send(tile, &rasters, sender, scratch) {
-                return;
-            }
+            let bytes = rasters.iter().map(Raster::bytes).sum();
+            self.held.take(bytes);
+            let is_kept = self.known.has(tile) || self.send(tile, &rasters, sender, scratch);
             // A quarter is made without the lock, and so is the tile that it completes.
             let wanted = tile.level + 1 < self.manifest.pyramid().levels();
-            if !wanted || self.known.has(tile.parent()) {
+            if !is_kept || !wanted || self.known.has(tile.parent()) {
+                self.held.give_back(bytes);
                 return;
             }
             let quarter = Quarter::of(tile, layers, &rasters);
+            self.held.take(quarter.bytes());
             drop(rasters);
+            self.held.give_back(bytes);
             let gathered = self.builder.lock().unwrap_or_else(PoisonError::into_inner).add(quarter);
             let Some(gathered) = gathered else { return };
+            // Its quarters go when it is joined.
+            self.held.give_back(gathered.bytes());
             tile = gathered.tile();
             rasters = gathered.into_rasters();
         }
@@ -321,7 +335,13 @@ impl Crew<'_> {
         let format = self.manifest.format();
         self.manifest.layers().iter().zip(rasters).enumerate().all(|(i, (layer, raster))| {
             let bytes = encode_tile(layer, raster, format.tile_size, format.compression, scratch);
-            sender.send(Record { layer: i, tile, bytes }).is_ok()
+            self.queue(Record { layer: i, tile, bytes }, sender)
         })
+    }
+
+    /// Sends a record to the disk; false if the writer has gone.
+    fn queue(&self, record: Record, sender: &Sender<Record>) -> bool {
+        self.held.take(record.bytes.len() as u64);
+        sender.send(record).is_ok()
     }
 }

@@ -1,6 +1,7 @@
 //! [`SceneTiles`]: a [`Scene`] as the renderer of a job's tiles.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Manifest, Rendered, TileAddress, TileRenderer, notes};
 use crate::image::Samples;
@@ -14,12 +15,19 @@ pub struct SceneTiles<'a> {
     scene: &'a Scene,
     manifest: &'a Manifest,
     block_bytes: u64,
+    /// Memory of the thread that held most.
+    peak_bytes: AtomicU64,
 }
 
 impl<'a> SceneTiles<'a> {
     /// A renderer of the job's tiles whose threads keep their working memory within about `block_bytes` each.
     pub fn new(scene: &'a Scene, manifest: &'a Manifest, block_bytes: u64) -> Self {
-        Self { scene, manifest, block_bytes }
+        Self { scene, manifest, block_bytes, peak_bytes: AtomicU64::new(0) }
+    }
+
+    /// The most working memory that one thread held so far, bytes.
+    pub fn peak_bytes(&self) -> u64 {
+        self.peak_bytes.load(Ordering::Relaxed)
     }
 }
 
@@ -32,6 +40,7 @@ impl<'a> TileRenderer for SceneTiles<'a> {
 
     fn render(&self, tile: TileAddress, renderer: &mut Renderer<'a>) -> Result<Rendered> {
         let tile = renderer.tile(self.manifest.tile_rect(tile))?;
+        self.peak_bytes.fetch_max(renderer.memory_bytes(), Ordering::Relaxed);
         let rasters = self.manifest.layers().iter().map(|l| raster(&tile, l.meaning())).collect();
         Ok(Rendered { rasters, note: to_note(&renderer.take_statistics()) })
     }

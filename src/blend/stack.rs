@@ -1,6 +1,6 @@
 //! [`SampleTile`]: the samples of a block of mosaic pixels.
 
-use crate::geom::PixelRect;
+use crate::geom::{PixelRect, held_bytes};
 
 /// One photo's colour for one pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +53,11 @@ impl SampleTile {
     pub const BYTES_A_PIXEL: usize = size_of::<u32>();
     /// The greatest number of pixels in a block.
     pub const MAX_PIXELS: usize = 1 << 16;
+
+    /// Memory held, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        held_bytes(&self.samples) + held_bytes(&self.starts) + held_bytes(&self.order)
+    }
 
     /// An empty one.
     pub fn new() -> Self {

@@ -7,6 +7,7 @@
 mod bounds;
 mod faces;
 mod hilbert;
+mod memory;
 mod mesh_source;
 mod predicates;
 mod rect;
@@ -14,6 +15,7 @@ mod rect;
 pub use bounds::{Bounds2, Bounds3};
 pub use faces::{FaceBlock, FaceId};
 pub use hilbert::{hilbert2, hilbert3, hilbert3_lanes};
+pub use memory::held_bytes;
 pub use mesh_source::{FaceStream, MeshSource, PolygonFan, TriangleChunk, VertexStream};
 pub use predicates::orient2d;
 pub use rect::{PixelRect, Size};

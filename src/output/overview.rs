@@ -44,6 +44,11 @@ impl Quarter {
         let rasters = layers.iter().zip(rasters).map(|(l, r)| halve(l, r)).collect();
         Self { child: tile, rasters }
     }
+
+    /// Bytes of its samples.
+    pub fn bytes(&self) -> u64 {
+        self.rasters.iter().map(Raster::bytes).sum()
+    }
 }
 
 impl OverviewBuilder {
@@ -86,6 +91,11 @@ impl Gathered {
     /// Which tile it is.
     pub fn tile(&self) -> TileKey {
         self.tile
+    }
+
+    /// Bytes of the samples of its quarters.
+    pub fn bytes(&self) -> u64 {
+        self.quarters.iter().map(Quarter::bytes).sum()
     }
 
     /// The pixels of the tile, one raster for each layer.

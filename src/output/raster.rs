@@ -76,6 +76,11 @@ impl Raster {
         }
     }
 
+    /// Bytes of the samples.
+    pub fn bytes(&self) -> u64 {
+        self.size().area() * (self.channels() * self.sample_type().bytes()) as u64
+    }
+
     /// Type of the samples.
     pub fn sample_type(&self) -> SampleType {
         match self {

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::Result;
 use crate::blend::{OrthoTile, SampleTile, Statistics, blend_into};
-use crate::geom::{PixelRect, Size};
+use crate::geom::{PixelRect, Size, held_bytes};
 use crate::image::{Image, Samples, Window};
 use crate::sample::{level_of, sample_into, taps_of};
 use crate::surface::SurfaceTile;
@@ -36,6 +36,24 @@ impl Colouring {
             weights: Vec::new(),
             statistics: Statistics::new(scene.names),
         }
+    }
+
+    /// Memory held, bytes.
+    pub(super) fn memory_bytes(&self) -> u64 {
+        let sampler = &self.sampler;
+        let window = match &sampler.window.samples {
+            Samples::U8(image) => image.data().len(),
+            Samples::U16(image) => 2 * image.data().len(),
+        };
+        self.samples.memory_bytes()
+            + window as u64
+            + held_bytes(&self.pixels)
+            + held_bytes(&self.weights)
+            + held_bytes(&sampler.levels)
+            + held_bytes(&sampler.chosen)
+            + held_bytes(&sampler.positions)
+            + held_bytes(&sampler.sampled)
+            + held_bytes(&sampler.colours)
     }
 
     /// Stages 3 to 5 of a block: samples of every view, outliers, blend.

@@ -12,7 +12,7 @@ mod colour;
 mod scene;
 mod tile;
 
-pub use budget::Budget;
+pub use budget::{Budget, TileDemand};
 pub use scene::{Scene, ScenePhoto};
 pub use tile::Renderer;
 

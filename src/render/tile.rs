@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::blend::{OrthoTile, SampleTile, Statistics};
-use crate::geom::{Bounds3, PixelRect};
+use crate::geom::{Bounds3, PixelRect, held_bytes};
 use crate::store::mesh::{PartitionBuffer, PartitionId};
 use crate::surface::{SurfaceBuilder, SurfaceTile};
 use crate::visibility::{
@@ -84,6 +84,22 @@ impl<'a> Renderer<'a> {
         Ok(tile)
     }
 
+    /// Memory held, bytes: it never shrinks, so this is its peak.
+    pub fn memory_bytes(&self) -> u64 {
+        let views = self
+            .views
+            .iter()
+            .map(|v| v.points.memory_bytes() + v.cells.memory_bytes() + v.tile.memory_bytes());
+        self.surface.memory_bytes()
+            + self.partition.memory_bytes() as u64
+            + self.rays.memory_bytes()
+            + self.colouring.memory_bytes()
+            + held_bytes(&self.column)
+            + held_bytes(&self.shaft)
+            + held_bytes(&self.visits)
+            + views.sum::<u64>()
+    }
+
     /// What was found since the last call.
     pub fn take_statistics(&mut self) -> Statistics {
         std::mem::replace(&mut self.colouring.statistics, Statistics::new(self.scene.names))
@@ -125,7 +141,9 @@ impl<'a> Renderer<'a> {
         let views = self.scene.photos.iter().filter(|p| p.view.may_see(&bounds)).count();
         let (area, views) = (rect.area() as u64, views as u64);
         let samples = area.min(SUB_BLOCK_AREA) * SampleTile::BYTES_A_SAMPLE as u64;
-        area * (SURFACE_BYTES + VIEW_BYTES * views) + samples * views
+        let needed = area * (SURFACE_BYTES + VIEW_BYTES * views) + samples * views;
+        // A list that grows may hold more than it needs.
+        needed + needed / 2
     }
 
     /// Stage 1: which face each pixel shows.

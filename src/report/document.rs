@@ -161,6 +161,19 @@ pub struct Run {
     pub seconds: f64,
     /// Greatest resident memory of the process, bytes; `None` where the system does not tell.
     pub peak_memory_bytes: Option<u64>,
+    /// Who held how much of it while the tiles were rendered.
+    pub memory: Vec<MemoryUse>,
+}
+
+/// Memory of one consumer.
+#[derive(Clone, Debug, Serialize)]
+pub struct MemoryUse {
+    /// Who: "mesh store", "photo tiles", "blocks", "finished tiles".
+    pub consumer: String,
+    /// Its share of the cap, bytes.
+    pub share_bytes: u64,
+    /// The most that it held, bytes.
+    pub peak_bytes: u64,
 }
 
 impl Report {

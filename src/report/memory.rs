@@ -25,12 +25,36 @@ fn status_bytes(field: &str) -> Option<u64> {
     kib_field(&read("/proc/self/status")?, field)
 }
 
-/// The limit of this process's control group (version 2), if it has one.
+/// The least limit of this process's control groups, of version 1 or 2, up to the root; none if there is no limit.
 fn control_group_bytes() -> Option<u64> {
-    let membership = read("/proc/self/cgroup")?;
-    let path = membership.lines().find_map(|line| line.strip_prefix("0::/"))?;
-    let folders = ["/sys/fs/cgroup", path].join("/");
-    read(&format!("{}/memory.max", folders.trim_end_matches('/')))?.trim().parse().ok()
+    limit_files(&read("/proc/self/cgroup")?)
+        .iter()
+        .filter_map(|file| read(file)?.trim().parse::<u64>().ok())
+        .min()
+}
+
+/// The files that state the limits of the groups in `/proc/self/cgroup`. In a container the folders may be mounted as
+/// its root, so that a file is missing; those of its parents are asked too.
+fn limit_files(membership: &str) -> Vec<String> {
+    let mut files = Vec::new();
+    for line in membership.lines() {
+        let mut parts = line.splitn(3, ':').skip(1);
+        let (Some(controllers), Some(path)) = (parts.next(), parts.next()) else { continue };
+        let (root, name) = match controllers {
+            "" => ("/sys/fs/cgroup", "memory.max"),
+            list if list.split(',').any(|c| c == "memory") => {
+                ("/sys/fs/cgroup/memory", "memory.limit_in_bytes")
+            }
+            _ => continue,
+        };
+        let mut path = path.trim_end_matches('/');
+        loop {
+            files.push(format!("{root}{path}/{name}"));
+            let Some((parent, _)) = path.rsplit_once('/') else { break };
+            path = parent;
+        }
+    }
+    files
 }
 
 fn read(path: &str) -> Option<String> {
@@ -54,6 +78,18 @@ mod tests {
         assert_eq!(kib_field(status, "VmHWM:"), Some(12 * 1024));
         assert_eq!(kib_field(status, "VmSwap:"), None);
         assert_eq!(kib_field("VmHWM: many kB", "VmHWM:"), None);
+    }
+
+    #[test]
+    fn limits_are_looked_for_in_both_versions_of_control_groups_and_in_all_parents() {
+        let found = limit_files("5:cpu:/x\n4:memory:/job/a\n0::/\n");
+        let expected = [
+            "/sys/fs/cgroup/memory/job/a/memory.limit_in_bytes",
+            "/sys/fs/cgroup/memory/job/memory.limit_in_bytes",
+            "/sys/fs/cgroup/memory/memory.limit_in_bytes",
+            "/sys/fs/cgroup/memory.max",
+        ];
+        assert_eq!(found, expected);
     }
 
     #[cfg(target_os = "linux")]

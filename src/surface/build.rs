@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use super::{SurfaceFace, SurfaceTile};
 use crate::frame::LocalMosaic;
-use crate::geom::{FaceBlock, FaceId, PixelRect};
+use crate::geom::{FaceBlock, FaceId, PixelRect, held_bytes};
 use crate::raster::{Triangle, scan};
 
 /// Builds one tile after another, reusing its memory.
@@ -119,6 +119,18 @@ impl SurfaceBuilder {
         let normal = if flipped { normal } else { -normal };
         debug_assert_eq!(face as usize, self.tile.faces.len());
         self.tile.faces.push(SurfaceFace { corners, id: block.ids[k], normal });
+    }
+
+    /// Memory held, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        let tile = &self.tile;
+        held_bytes(&tile.elevations)
+            + held_bytes(&tile.faces_at)
+            + held_bytes(&tile.points)
+            + held_bytes(&tile.faces)
+            + held_bytes(&tile.vertices)
+            + held_bytes(&self.projected)
+            + held_bytes(&self.kept)
     }
 
     /// The tile as it was last finished.

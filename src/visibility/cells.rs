@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::face_test::FaceTest;
 use super::photo::{Shaft, ViewPhoto, ray_of};
 use super::points::{BlockPoint, BlockPoints, RayPoints};
-use crate::geom::{Bounds2, Bounds3, FaceBlock};
+use crate::geom::{Bounds2, Bounds3, FaceBlock, held_bytes};
 
 /// A face's ray bounds are widened by this part of a cell before cells are chosen; rounding of rays and of the
 /// predicate is some 10⁻⁹ of that.
@@ -45,6 +45,11 @@ pub struct OcclusionScratch {
 }
 
 impl PointCells {
+    /// Memory held, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        held_bytes(&self.cells) + held_bytes(&self.points)
+    }
+
     /// Bins the points of one photo in cells of about one photo pixel.
     pub fn start(&mut self, photo: &ViewPhoto, points: &RayPoints) {
         let points = &points.0;

@@ -1,6 +1,6 @@
 //! The points of a block that one photo may see: everything but occlusion.
 
-use crate::geom::FaceId;
+use crate::geom::{FaceId, held_bytes};
 use crate::surface::SurfaceTile;
 
 use super::photo::{ViewPhoto, ray_of};
@@ -36,7 +36,22 @@ pub struct BlockPoints {
     facing: Vec<bool>,
 }
 
+impl RayPoints {
+    /// Memory held, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        held_bytes(&self.0)
+    }
+}
+
 impl BlockPoints {
+    /// Memory held, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        held_bytes(&self.pixels)
+            + held_bytes(&self.seen)
+            + held_bytes(&self.starts)
+            + held_bytes(&self.facing)
+    }
+
     /// Lists the points of `surface` that lie before the photo, in its frame and on the right side of their face;
     /// until a face is found before it, each counts as seen. `tolerance_m` is ε; `rays` receives the points.
     ///

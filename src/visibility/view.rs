@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::photo::{ViewPhoto, ray_of};
 use crate::frame::LocalMosaic;
-use crate::geom::orient2d;
+use crate::geom::{held_bytes, orient2d};
 use crate::surface::{SurfaceFace, SurfaceTile};
 
 /// A pixel that the photo sees.
@@ -41,6 +41,11 @@ pub struct ViewTile {
 }
 
 impl ViewTile {
+    /// Memory held, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        held_bytes(&self.points) + held_bytes(&self.face_weights) + held_bytes(&self.projections)
+    }
+
     /// Starts a block: no face's weight is known.
     pub fn start_block(&mut self, surface: &SurfaceTile) {
         self.face_weights.clear();

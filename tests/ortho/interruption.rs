@@ -110,7 +110,7 @@ fn leftovers(out: &Path) -> Vec<String> {
     let known = [&FILES[..], &["report.json", "mosaic.frame.toml", ".groundel"]].concat();
     let mut left: Vec<_> = names.filter(|name| !known.contains(&name.as_str())).collect();
     let work = fs::read_dir(out.join(".groundel")).unwrap();
-    let temporary = |name: &String| name.starts_with("job-") || name.ends_with(".tmp");
+    let temporary = |name: &String| name.starts_with("job-") || name.contains(".tmp");
     left.extend(work.map(|e| e.unwrap().file_name().into_string().unwrap()).filter(temporary));
     left
 }

@@ -8,3 +8,4 @@ mod golden;
 mod interruption;
 mod job;
 mod known_answer;
+mod memory;

@@ -9,19 +9,25 @@ use super::job::Job;
 use crate::output::write_atomically;
 use crate::render::{OrthoTile, Statistics};
 use crate::report::{
-    CameraInput, Coverage, FrameSummary, Inputs as InputReport, MeshInput, OutputFile, PhotoReport,
-    PhotoTally, Report, Run, StageLog, peak_resident_bytes,
+    CameraInput, Coverage, FrameSummary, Inputs as InputReport, MemoryUse, MeshInput, OutputFile,
+    PhotoReport, PhotoTally, Report, Run, StageLog, peak_resident_bytes,
 };
 use crate::{Error, Result};
 
+/// What a run has to report on.
+#[derive(Debug)]
+pub(super) struct Outcome<'a> {
+    pub(super) config: &'a Config,
+    pub(super) inputs: &'a Inputs,
+    pub(super) job: &'a Job,
+    pub(super) statistics: Statistics,
+    pub(super) memory: Vec<MemoryUse>,
+    pub(super) log: StageLog,
+}
+
 /// Writes the report that was asked for and says the summary.
-pub(super) fn report(
-    config: &Config,
-    inputs: &Inputs,
-    job: &Job,
-    statistics: &Statistics,
-    log: &StageLog,
-) -> Result<()> {
+pub(super) fn report(outcome: &Outcome<'_>) -> Result<()> {
+    let Outcome { config, inputs, job, statistics, memory, log } = outcome;
     let photos = photos(job, statistics);
     let rejected = photos.iter().map(|p| p.pixels_rejected).sum();
     let histogram = histogram(statistics);
@@ -39,6 +45,7 @@ pub(super) fn report(
             stages: log.stages().to_vec(),
             seconds: log.seconds(),
             peak_memory_bytes: peak_resident_bytes(),
+            memory: memory.clone(),
         },
     };
     if let Some(path) = &config.report {

@@ -8,16 +8,20 @@ use super::super::interrupt;
 use super::super::progress::Progress;
 use super::inputs::Inputs;
 use super::job::Job;
-use super::reporting;
+use super::reporting::{self, Outcome};
 use super::stores::Stores;
 use crate::batch::{
     Assembly, Run, SceneTiles, assemble, completed, curve_order, run as run_batch, statistics,
 };
 use crate::frame::frame_toml;
-use crate::output::{BigTiff, write_atomically};
-use crate::render::Budget;
-use crate::report::StageLog;
+use crate::image::{Colour, Depth};
+use crate::output::{BigTiff, Layer, write_atomically};
+use crate::render::{Budget, TileDemand};
+use crate::report::{MemoryUse, StageLog};
 use crate::{Error, Result};
+
+/// Overview levels that memory is set aside for: those of a mosaic 2¹⁰ tiles wide.
+const MOST_LEVELS: u64 = 10;
 
 /// How a command that made all it was asked for has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,7 +54,7 @@ pub(in crate::cli) fn run(config: &Config) -> Result<ExitStatus> {
 
 fn stages(config: &Config) -> Result<ExitStatus> {
     let mut log = StageLog::start();
-    let budget = Budget::new(config.memory_bytes, config.threads);
+    let budget = Budget::new(config.memory_bytes, config.threads, demand(config))?;
     let inputs = log.run("inputs", || Inputs::read(config))?;
     let mesh = log.run("mesh store", || Stores::build_mesh(config, &inputs, &budget))?;
     let stores = log.run("photo store", || Stores::build(config, &inputs, mesh, &budget))?;
@@ -59,16 +63,24 @@ fn stages(config: &Config) -> Result<ExitStatus> {
         console::note(&format!("groundel: {} is left out: {}", left_out.photo, left_out.reason));
     }
     let job = log.run("plan", || Job::plan(config, &inputs, stores))?;
-    log.run("tiles", || tiles(config, &job, &budget))?;
+    let memory = log.run("tiles", || tiles(config, &job, &budget))?;
     let parts = std::slice::from_ref(&job.part);
     let statistics = statistics(&job.manifest, parts, inputs.cameras.names.len())?;
     log.run("files", || files(config, &job))?;
-    reporting::report(config, &inputs, &job, &statistics, &log)?;
+    reporting::report(&Outcome { config, inputs: &inputs, job: &job, statistics, memory, log })?;
     Ok(if job.left_out.is_empty() { ExitStatus::Done } else { ExitStatus::PhotosLeftOut })
 }
 
-/// Renders every tile into the job's part file.
-fn tiles(config: &Config, job: &Job, budget: &Budget) -> Result<()> {
+/// What finished tiles take: known before anything is read, but for the colours, of which the most is assumed.
+fn demand(config: &Config) -> TileDemand {
+    let layers = config.layers.iter().filter_map(|&meaning| Layer::of(meaning));
+    let mosaic = Layer::mosaic(Colour::Rgb, Depth::Sixteen);
+    let pixel_bytes = layers.chain([mosaic]).map(|layer| layer.pixel_bytes() as u64).sum();
+    TileDemand { tile_size: config.tile_size, pixel_bytes, levels: MOST_LEVELS }
+}
+
+/// Renders every tile into the job's part file; who held how much memory meanwhile.
+fn tiles(config: &Config, job: &Job, budget: &Budget) -> Result<Vec<MemoryUse>> {
     let order = curve_order(&job.manifest.pyramid());
     let renderer = SceneTiles::new(&job.scene, &job.manifest, budget.block_bytes);
     let kept = completed(&job.manifest, &job.part)?.len();
@@ -80,7 +92,20 @@ fn tiles(config: &Config, job: &Job, budget: &Budget) -> Result<()> {
     let batch = Run { manifest: &job.manifest, part: &job.part, others: &[], tiles: &order };
     let done = run_batch(&batch, &renderer, &|_| progress.add(1));
     progress.finish();
-    done.map(|_| ())
+    let finished = done?.peak_bytes;
+    let blocks = renderer.peak_bytes() * config.threads as u64;
+    let scene = &job.scene;
+    let held = |consumer: &str, share_bytes, peak_bytes| MemoryUse {
+        consumer: consumer.into(),
+        share_bytes,
+        peak_bytes,
+    };
+    Ok(vec![
+        held("mesh store", budget.mesh_bytes, scene.mesh.held_bytes()),
+        held("photo tiles", budget.photo_bytes, scene.pixels.statistics().peak_bytes),
+        held("blocks", budget.block_bytes * config.threads as u64, blocks),
+        held("finished tiles", budget.output_bytes, finished),
+    ])
 }
 
 /// Assembles the final files: layers first, the mosaic last.

@@ -99,6 +99,14 @@ impl MeshStore {
         self.header.file_bytes
     }
 
+    /// Bytes that may be resident: the whole file, or the tree and the table of a file that is copied from.
+    pub fn held_bytes(&self) -> u64 {
+        let file = self.header.file_bytes;
+        let tree: usize = self.levels.iter().map(|level| level.nodes * NODE_BYTES).sum();
+        let table = self.header.partitions * ENTRY_BYTES;
+        if self.is_resident { file } else { (tree + table) as u64 }
+    }
+
     /// Number of partitions; their ids run from 0.
     pub fn partition_count(&self) -> usize {
         self.header.partitions
