@@ -5,4 +5,5 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 GROUNDEL_BLESS=1 cargo test --release --locked --test ortho golden "$@"
+GROUNDEL_BLESS=1 cargo test --release --locked --test messages
 git status --short tests/golden

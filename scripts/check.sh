@@ -2,7 +2,7 @@
 # Everything that must be clean before a change is done.
 #
 #   scripts/check.sh         lint, then test
-#   scripts/check.sh lint    formatting, clippy, documentation, dependency policy
+#   scripts/check.sh lint    formatting, clippy, documentation, dependencies and their licences, Windows
 #   scripts/check.sh test    all tests (without the Python readers: see scripts/test.sh), benches compiled
 #
 # One cargo profile throughout, so that dependencies are compiled once; every warning is an error.
@@ -14,9 +14,15 @@ lint() {
   cargo clippy --release --locked --all-targets -- -D warnings
   RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps
   if cargo deny --version >/dev/null 2>&1; then
-    cargo deny --locked --config .deny.toml check bans licenses sources
+    cargo deny --locked --config .deny.toml check --hide-inclusion-graph bans licenses sources
   else
-    echo "cargo-deny is not installed: dependency policy (.deny.toml) NOT checked" >&2
+    echo "cargo-deny is not installed (cargo install --locked cargo-deny): .deny.toml was NOT checked" >&2
+  fi
+  local windows=x86_64-pc-windows-gnu
+  if [ -d "$(rustc --print sysroot)/lib/rustlib/$windows/lib" ]; then
+    cargo check --release --locked --target $windows
+  else
+    echo "rustup target $windows is not installed: Windows was NOT checked" >&2
   fi
 }
 

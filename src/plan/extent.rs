@@ -97,7 +97,7 @@ fn apart(mesh: &impl Partitions, frame: &SlabFrame) -> Error {
         return Error::usage("mesh and frame do not meet: the mesh has no face");
     }
     Error::usage(format!(
-        "mesh and frame do not meet: the mesh lies within u {:?} to {:?}, v {:?} to {:?}, elevation {:?} to {:?} of the \
+        "mesh and frame do not meet: the mesh lies within u {:.3} to {:.3}, v {:.3} to {:.3}, elevation {:.3} to {:.3} m of the \
          frame; check the frame, --extent and --elevation",
         all.min.x, all.max.x, all.min.y, all.max.y, all.min.z, all.max.z
     ))
@@ -175,7 +175,7 @@ mod tests {
         let text = e.to_string();
         assert!(text.starts_with("mesh and frame do not meet"), "{text}");
         assert!(
-            text.contains("u 100.0 to 110.0") && text.contains("elevation 0.0 to 10.0"),
+            text.contains("u 100.000 to 110.000") && text.contains("elevation 0.000 to 10.000"),
             "{text}"
         );
         let none = Soup::new(DVec3::ZERO, &[], 1);

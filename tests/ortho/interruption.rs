@@ -115,6 +115,34 @@ fn leftovers(out: &Path) -> Vec<String> {
     left
 }
 
+#[test]
+fn two_runs_on_one_work_folder_end_in_the_same_bytes_or_one_is_told_of_the_other() {
+    let folder = tempfile::tempdir().unwrap();
+    facade(folder.path());
+    let (bytes, _, _) = reference(folder.path(), &folder.path().join("whole"));
+    let work = folder.path().join("work");
+    let outs = ["one", "two"].map(|name| folder.path().join(name));
+    let begin = |out: &PathBuf| {
+        fs::create_dir(out).unwrap();
+        ortho(folder.path(), out).arg("--work").arg(&work).spawn().unwrap()
+    };
+    let children = outs.each_ref().map(begin);
+    let ends = children.map(end);
+    let mut done = 0;
+    for (out, (code, said)) in outs.iter().zip(&ends) {
+        match code {
+            Some(0) => {
+                done += 1;
+                assert!(files(out) == bytes);
+            }
+            // The job's part has one writer at a time.
+            Some(4) => assert!(said.contains("another process is writing this file"), "{said}"),
+            other => panic!("{other:?}: {said}"),
+        }
+    }
+    assert!(done > 0, "{ends:?}");
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_and_sigterm_leave_no_file_and_the_next_run_goes_on() {

@@ -3,6 +3,7 @@
 mod choices;
 mod inputs;
 mod job;
+mod outputs;
 mod reporting;
 mod run;
 mod stores;

@@ -8,6 +8,7 @@ use super::super::interrupt;
 use super::super::progress::Progress;
 use super::inputs::Inputs;
 use super::job::Job;
+use super::outputs;
 use super::reporting::{self, Outcome};
 use super::stores::Stores;
 use crate::batch::{
@@ -56,6 +57,7 @@ fn stages(config: &Config) -> Result<ExitStatus> {
     let mut log = StageLog::start();
     let budget = Budget::new(config.memory_bytes, config.threads, demand(config))?;
     let inputs = log.run("inputs", || Inputs::read(config))?;
+    outputs::check(config, &inputs)?;
     let mesh = log.run("mesh store", || Stores::build_mesh(config, &inputs, &budget))?;
     let stores = log.run("photo store", || Stores::build(config, &inputs, mesh, &budget))?;
     fs::create_dir_all(&config.work).map_err(|e| Error::io(&config.work, e))?;

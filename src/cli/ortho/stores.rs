@@ -92,7 +92,7 @@ impl Stores {
         }
         left_out.sort_by(|a, b| a.photo.cmp(&b.photo));
         if photos.is_empty() {
-            return Err(Error::usage(none_usable(&left_out, &sizes)));
+            return Err(Error::usage(none_usable(config, &left_out, &sizes)));
         }
         let pixels = PhotoStore::open(entries, budget.photo_bytes)?;
         Ok(Self { mesh, pixels, photos, left_out })
@@ -110,8 +110,17 @@ fn percent(stage: BuildStage, done: u64, total: u64) -> u64 {
     from + share * done.min(total) / total.max(1)
 }
 
-/// Why no photo can be used; says so if all have another size than their camera by one factor.
-fn none_usable(left_out: &[LeftOut], sizes: &[Option<(Size, Size)>]) -> String {
+/// Why no photo can be used; says so if none is there, or all have another size than their camera by one factor.
+fn none_usable(config: &Config, left_out: &[LeftOut], sizes: &[Option<(Size, Size)>]) -> String {
+    if left_out.iter().all(|l| !config.photos.join(&l.photo).exists()) {
+        return format!(
+            "--photos {} holds none of the {} photos of {} (the first is {}): are they in another folder?",
+            config.photos.display(),
+            left_out.len(),
+            config.cameras.display(),
+            left_out.first().map_or("", |l| &l.photo)
+        );
+    }
     let first = left_out.first().map(|l| l.reason.clone()).unwrap_or_default();
     let hint = match common_factor(sizes) {
         Some(factor) => format!(

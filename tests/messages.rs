@@ -1,0 +1,306 @@
+//! Every kind of bad input, and what the user is told: exit code and message, word for word, in
+//! `tests/golden/messages.txt`, which `scripts/bless.sh` alone renews. Nothing may be left under a final name.
+
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use groundel::synthetic::{Sampling, TestScene, scenes};
+
+/// A good project in which one thing is spoilt, and the flags beside `project.toml`.
+struct Case {
+    name: &'static str,
+    spoil: fn(&Project),
+    flags: &'static [&'static str],
+}
+
+const fn spoilt(name: &'static str, spoil: fn(&Project)) -> Case {
+    Case { name, spoil, flags: &[] }
+}
+
+const fn flags(name: &'static str, flags: &'static [&'static str]) -> Case {
+    Case { name, spoil: |_| {}, flags }
+}
+
+struct Project(PathBuf);
+
+impl Project {
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    fn edit(&self, name: &str, change: impl FnOnce(Vec<u8>) -> Vec<u8>) {
+        let path = self.path(name);
+        fs::write(&path, change(fs::read(&path).unwrap())).unwrap();
+    }
+
+    fn replace(&self, name: &str, from: &str, to: &str) {
+        self.edit(name, |bytes| {
+            let text = String::from_utf8(bytes).unwrap();
+            assert!(text.contains(from), "{name}: {from}: {text}");
+            text.replacen(from, to, 1).into_bytes()
+        });
+    }
+
+    fn cut(&self, name: &str, per_cent: usize) {
+        self.edit(name, |bytes| bytes[..bytes.len() * per_cent / 100].to_vec());
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).unwrap();
+    }
+
+    /// The value of a key of the frame becomes `value`.
+    fn frame(&self, key: &str, value: &str) {
+        self.edit("project.toml", |bytes| {
+            let text = String::from_utf8(bytes).unwrap();
+            let edit = |line: &str| {
+                let is_it = line.starts_with(&format!("{key} = "));
+                if is_it { format!("{key} = {value}") } else { line.to_owned() }
+            };
+            text.lines().map(edit).collect::<Vec<_>>().join("\n").into_bytes()
+        });
+    }
+
+    /// The mesh becomes this ASCII PLY of the given vertices and faces.
+    fn mesh(&self, vertices: &[&str], faces: &[&str]) {
+        let (n, m) = (vertices.len(), faces.len());
+        self.mesh_stating(n, m, &[vertices, faces].concat().join("\n"));
+    }
+
+    fn mesh_stating(&self, vertices: usize, faces: usize, body: &str) {
+        self.write(
+            "mesh.ply",
+            &format!(
+                "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty double x\nproperty double y\n\
+                 property double z\nelement face {faces}\nproperty list uchar int vertex_indices\nend_header\n{body}\n"
+            ),
+        );
+    }
+}
+
+const CORNERS: [&str; 3] = ["0 0 0", "1 0 0", "0 1 0"];
+
+const CASES: &[Case] = &[
+    // Meshes.
+    spoilt("mesh missing", |p| fs::remove_file(p.path("mesh.ply")).unwrap()),
+    spoilt("mesh is a folder", |p| {
+        fs::remove_file(p.path("mesh.ply")).unwrap();
+        fs::create_dir(p.path("mesh.ply")).unwrap();
+    }),
+    spoilt("mesh cut in its faces", |p| p.cut("mesh.ply", 95)),
+    spoilt("mesh cut in its vertices", |p| p.cut("mesh.ply", 20)),
+    spoilt("mesh cut in its header", |p| p.edit("mesh.ply", |b| b[..60].to_vec())),
+    spoilt("mesh empty", |p| p.write("mesh.ply", "")),
+    spoilt("mesh of no faces", |p| p.mesh(&CORNERS, &[])),
+    spoilt("mesh of absurd counts", |p| p.mesh_stating(4_000_000_000_000, 3, "0 0 0")),
+    spoilt("mesh of more faces than ids", |p| p.mesh_stating(3, 5_000_000_000, "0 0 0")),
+    spoilt("mesh with NaN in use", |p| p.mesh(&["0 0 0", "1 nan 0", "0 1 0"], &["3 0 1 2"])),
+    spoilt("mesh with a word for a number", |p| {
+        p.mesh(&["0 0 0", "1 one 0", "0 1 0"], &["3 0 1 2"])
+    }),
+    spoilt("mesh with an index out of range", |p| p.mesh(&CORNERS, &["3 0 1 2", "3 0 1 3"])),
+    spoilt("mesh with a negative index", |p| p.mesh(&CORNERS, &["3 0 1 -1"])),
+    spoilt("mesh with too short a line", |p| p.mesh(&["0 0 0", "1 0", "0 1 0"], &["3 0 1 2"])),
+    // Cameras.
+    spoilt("cameras missing", |p| fs::remove_dir_all(p.path("sparse")).unwrap()),
+    spoilt("cameras are a file", |p| {
+        fs::remove_dir_all(p.path("sparse")).unwrap();
+        p.write("sparse", "");
+    }),
+    spoilt("cameras.txt missing", |p| fs::remove_file(p.path("sparse/cameras.txt")).unwrap()),
+    spoilt("no oriented photo", |p| p.write("sparse/images.txt", "# nothing\n")),
+    spoilt("a camera of an unknown model", |p| {
+        p.replace("sparse/cameras.txt", "OPENCV", "OPENEYE")
+    }),
+    spoilt("a camera with too few parameters", |p| {
+        p.write("sparse/cameras.txt", "1 PINHOLE 320 240 300 300 160\n")
+    }),
+    spoilt("a camera without a size", |p| {
+        p.write("sparse/cameras.txt", "1 PINHOLE 0 240 300 300 160 120\n")
+    }),
+    spoilt("a photo of no camera", |p| {
+        p.write("sparse/images.txt", "1 1 0 0 0 0 0 0 77 a.png\n\n")
+    }),
+    spoilt("a photo without a rotation", |p| {
+        p.write("sparse/images.txt", "1 0 0 0 0 0 0 0 1 a.png\n\n")
+    }),
+    spoilt("a photo whose pose is not finite", |p| {
+        p.write("sparse/images.txt", "1 1 0 0 0 inf 0 0 1 a.png\n\n")
+    }),
+    spoilt("a photo outside the folder", |p| {
+        p.write("sparse/images.txt", "1 1 0 0 0 0 0 0 1 ../../secret.png\n\n")
+    }),
+    spoilt("a photo name not in UTF-8", |p| {
+        fs::write(p.path("sparse/images.txt"), b"1 1 0 0 0 0 0 0 1 \xff.png\n\n").unwrap();
+    }),
+    spoilt("a photo with an absolute name", |p| {
+        p.write("sparse/images.txt", "1 1 0 0 0 0 0 0 1 /etc/passwd\n\n")
+    }),
+    // Photos.
+    spoilt("photos missing", |p| fs::remove_dir_all(p.path("photos")).unwrap()),
+    spoilt("photos are a file", |p| {
+        fs::remove_dir_all(p.path("photos")).unwrap();
+        p.write("photos", "");
+    }),
+    spoilt("photos of another project", |p| {
+        fs::remove_dir_all(p.path("photos")).unwrap();
+        fs::create_dir(p.path("photos")).unwrap();
+        p.write("photos/other.png", "");
+    }),
+    spoilt("all photos cut", |p| each_photo(p, |bytes| bytes[..bytes.len() / 2].to_vec())),
+    spoilt("all photos are text", |p| each_photo(p, |_| b"not a picture\n".to_vec())),
+    spoilt("all photos of half the size", |p| {
+        p.edit("sparse/cameras.txt", |text| {
+            let text = String::from_utf8(text).unwrap();
+            text.replace(" 320 240 ", " 640 480 ").into_bytes()
+        });
+    }),
+    // The frame.
+    spoilt("axes not orthonormal", |p| p.frame("u_axis", "[1.0, 0.2, 0.0]")),
+    spoilt("an axis of length zero", |p| p.frame("v_axis", "[0.0, 0.0, 0.0]")),
+    spoilt("an axis that is not finite", |p| p.frame("u_axis", "[nan, 0.0, 0.0]")),
+    spoilt("an axis of two numbers", |p| p.frame("u_axis", "[1.0, 0.0]")),
+    spoilt("a pixel size of zero", |p| p.frame("pixel_size", "0.0")),
+    spoilt("a negative pixel size", |p| p.frame("pixel_size", "-0.01")),
+    spoilt("a pixel size that is not a number", |p| p.frame("pixel_size", "nan")),
+    spoilt("a pixel size as text", |p| p.frame("pixel_size", "\"1 cm\"")),
+    spoilt("an extent turned about", |p| p.frame("extent", "[1.0, 0.0, 0.0, 1.0]")),
+    spoilt("an enormous extent", |p| p.frame("extent", "[-1e9, -1e9, 1e9, 1e9]")),
+    spoilt("an extent that is not finite", |p| p.frame("extent", "[0.0, 0.0, inf, 1.0]")),
+    spoilt("an extent beside the mesh", |p| p.frame("extent", "[5000.0, 0.0, 5001.0, 1.0]")),
+    spoilt("an unknown kind of frame", |p| p.frame("kind", "\"sphere\"")),
+    spoilt("an unknown key of the frame", |p| p.frame("pixel_size", "0.01\npixelsize = 0.01")),
+    spoilt("no origin", |p| p.replace("project.toml", "origin", "orig")),
+    // The project file.
+    spoilt("project file missing", |p| fs::remove_file(p.path("project.toml")).unwrap()),
+    spoilt("project file with an unknown key", |p| {
+        p.replace("project.toml", "photos = ", "fotos = ")
+    }),
+    spoilt("project file that is no TOML", |p| p.write("project.toml", "mesh = [\n")),
+    spoilt("project file not in UTF-8", |p| {
+        fs::write(p.path("project.toml"), b"out = \"\xff\"\n").unwrap()
+    }),
+    // Outputs.
+    spoilt("output is a folder", |p| fs::create_dir(p.path("mosaic.tif")).unwrap()),
+    flags("output in no folder", &["--out", "none/mosaic.tif"]),
+    flags("output of another format", &["--out", "mosaic.jpg"]),
+    spoilt("output would overwrite a photo", |p| {
+        fs::rename(p.path("photos/a.png"), p.path("photos/mosaic.tif")).unwrap();
+        p.replace("sparse/images.txt", "a.png", "mosaic.tif");
+        p.replace("project.toml", "out = \"mosaic.tif\"", "out = \"photos/mosaic.tif\"");
+    }),
+    flags("work folder is a file", &["--work", "mesh.ply"]),
+    // Flags.
+    flags("too little memory", &["--memory", "100MiB"]),
+    flags("memory without a unit", &["--memory", "lots"]),
+    flags("no threads", &["--threads", "0"]),
+    flags(
+        "tiles too large for the memory",
+        &["--memory", "256MiB", "--tile-size", "4096", "--threads", "2"],
+    ),
+    flags("tile size not a multiple of 16", &["--tile-size", "100"]),
+    flags("a negative beta", &["--beta", "-1"]),
+    flags("a slab turned about", &["--elevation", "2,1"]),
+    flags("a slab above everything", &["--elevation", "1000,2000"]),
+    flags("no photo chosen", &["--exclude", "*"]),
+    flags("a pattern that fits nothing", &["--include", "IMG*"]),
+    flags("an unknown layer", &["--layers", "height"]),
+    flags("an unknown system", &["--crs", "EPSG:1"]),
+    flags("a system of degrees", &["--crs", "EPSG:4326"]),
+    flags("a colour of two numbers", &["--undefined", "1,2"]),
+    flags("more pixels than the photos hold", &["--pixel-size", "0.0001"]),
+    #[cfg(unix)]
+    spoilt("the mesh is a loop of links", |p| {
+        fs::remove_file(p.path("mesh.ply")).unwrap();
+        std::os::unix::fs::symlink("mesh.ply", p.path("mesh.ply")).unwrap();
+    }),
+    #[cfg(unix)]
+    spoilt("the photos are a loop of links", |p| {
+        fs::remove_dir_all(p.path("photos")).unwrap();
+        std::os::unix::fs::symlink("photos", p.path("photos")).unwrap();
+    }),
+];
+
+fn each_photo(project: &Project, change: fn(Vec<u8>) -> Vec<u8>) {
+    for shot in scene().shots {
+        project.edit(&format!("photos/{}", shot.name), change);
+    }
+}
+
+fn scene() -> TestScene {
+    scenes::columns()
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.file_type().unwrap().is_dir() {
+            copy(&entry.path(), &target);
+        } else {
+            fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
+
+/// Exit code and messages of a case.
+fn told(case: &Case, good: &Path, folder: &Path) -> String {
+    copy(good, folder);
+    let project = Project(folder.to_path_buf());
+    (case.spoil)(&project);
+    let before = fs::read_dir(folder).unwrap().count();
+    let run = Command::new(env!("CARGO_BIN_EXE_groundel"))
+        .current_dir(folder)
+        .args(["ortho", "project.toml", "--quiet"])
+        .args(case.flags)
+        .output()
+        .unwrap();
+    let said = String::from_utf8(run.stderr).unwrap();
+    let code = run.status.code().unwrap_or_else(|| panic!("{}: {said}", case.name));
+    assert!((2..=4).contains(&code), "{}: {code}: {said}", case.name);
+    assert!(run.stdout.is_empty(), "{}", case.name);
+    assert!(!folder.join("mosaic.tif").is_file(), "{}", case.name);
+    // The work folder is the only thing that may have come.
+    let after = fs::read_dir(folder).unwrap().count();
+    let work = usize::from(folder.join(".groundel").exists());
+    assert_eq!(after, before + work, "{}", case.name);
+    format!(
+        "{}\n  {code}\n{}",
+        case.name,
+        said.lines().map(|l| format!("  {l}\n")).collect::<String>()
+    )
+}
+
+#[test]
+fn the_user_is_told_what_is_wrong_where_and_what_was_expected() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = folder.path().join("good");
+    scene().write(&good, Sampling::Box(1), &[]).unwrap();
+    let mut all = String::new();
+    for (k, case) in CASES.iter().enumerate() {
+        let own = folder.path().join(k.to_string());
+        let text = told(case, &good, &own).replace(&*own.to_string_lossy(), "PROJECT");
+        writeln!(all, "{text}").unwrap();
+        fs::remove_dir_all(&own).unwrap();
+    }
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/messages.txt");
+    if is_blessing() {
+        fs::write(&golden, all).unwrap();
+        return;
+    }
+    let known = fs::read_to_string(&golden).unwrap();
+    for (found, known) in all.split("\n\n").zip(known.split("\n\n")) {
+        assert_eq!(found, known);
+    }
+    assert_eq!(all.len(), known.len());
+}
+
+#[expect(clippy::disallowed_methods, reason = "only scripts/bless.sh sets it")]
+fn is_blessing() -> bool {
+    std::env::var_os("GROUNDEL_BLESS").is_some()
+}
