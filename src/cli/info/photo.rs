@@ -16,6 +16,7 @@ pub(super) fn describe(path: &Path) -> Result<String> {
         PhotoFormat::Jpeg { .. } => "JPEG",
         PhotoFormat::Png { interlaced: true } => "PNG, interlaced",
         PhotoFormat::Png { interlaced: false } => "PNG",
+        PhotoFormat::Tiff { .. } => "TIFF",
     };
     let channels = if header.channels == 1 { "grey" } else { "RGB" };
     let lines = [

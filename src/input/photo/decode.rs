@@ -10,7 +10,7 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-use super::{PhotoFormat, PhotoHeader, jpeg};
+use super::{PhotoFormat, PhotoHeader, jpeg, tiff};
 use crate::geom::Size;
 use crate::{Error, Result};
 
@@ -24,13 +24,13 @@ pub enum Rows<'a> {
 }
 
 /// What takes the rows of a photo, top to bottom.
-type Sink<'a> = &'a mut dyn FnMut(Rows<'_>) -> Result<()>;
+pub(super) type Sink<'a> = &'a mut dyn FnMut(Rows<'_>) -> Result<()>;
 
 /// Decodes the photo at `path` and hands its rows to `sink`, top to bottom, one or more at a time.
 ///
 /// `header` is the file's own, from [`super::read_photo_header`]. A JPEG is decoded as a whole (see
 /// [`PhotoHeader::decoded_bytes`]), and its file is held in memory meanwhile; a PNG passes row by row, unless it is
-/// interlaced. `sink` may have been called when an error comes.
+/// interlaced, and so does a TIFF, in tiles by rows of tiles. `sink` may have been called when an error comes.
 ///
 /// # Errors
 /// [`Error::Corrupt`] if the file is cut, broken, or not what `header` says; [`Error::Io`]; the sink's.
@@ -39,6 +39,7 @@ pub fn decode_photo(path: &Path, header: &PhotoHeader, sink: Sink<'_>) -> Result
     let decoded = catch_unwind(AssertUnwindSafe(|| match header.format {
         PhotoFormat::Jpeg { .. } => decode_jpeg(path, header, sink),
         PhotoFormat::Png { .. } => decode_png(path, header, sink),
+        PhotoFormat::Tiff { .. } => tiff::decode(path, header, sink),
     }));
     decoded.unwrap_or_else(|_| Err(broken(path, "a stream at which the decoder gave up")))
 }
@@ -147,7 +148,7 @@ fn broken(path: &Path, found: impl Into<String>) -> Error {
     Error::corrupt(path, "picture data", "a whole picture", found)
 }
 
-fn changed(path: &Path, size: Size, found: String) -> Error {
+pub(super) fn changed(path: &Path, size: Size, found: String) -> Error {
     let expected = format!("{} × {} pixels, as its header says", size.width, size.height);
     Error::corrupt(path, "picture data", expected, found)
 }

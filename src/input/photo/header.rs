@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
-use super::{JpegCoding, jpeg, png};
+use super::{JpegCoding, jpeg, png, tiff};
 use crate::geom::Size;
 use crate::{Error, Result};
 
@@ -38,6 +38,11 @@ pub enum PhotoFormat {
         /// Whether its rows come in seven passes (Adam7), so that it has to be decoded as a whole.
         interlaced: bool,
     },
+    /// TIFF or BigTIFF, its first page.
+    Tiff {
+        /// Memory that decoding takes, in bytes: rows, a row of tiles, what the decompressor keeps.
+        decoding_bytes: u64,
+    },
 }
 
 impl PhotoHeader {
@@ -49,10 +54,6 @@ impl PhotoHeader {
 
 /// First bytes of formats that are photographs, but not supported, at an offset.
 const FOREIGN: &[(usize, &[u8], &str)] = &[
-    (0, b"II*\0", "a TIFF or raw photo"),
-    (0, b"MM\0*", "a TIFF or raw photo"),
-    (0, b"II+\0", "a BigTIFF photo"),
-    (0, b"MM\0+", "a BigTIFF photo"),
     (8, b"WEBP", "a WebP photo"),
     (0, b"GIF8", "a GIF picture"),
     (0, b"BM", "a BMP picture"),
@@ -71,7 +72,7 @@ const FOREIGN: &[(usize, &[u8], &str)] = &[
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, [`Error::Corrupt`] if it is no picture or its header is broken,
-/// [`Error::Unsupported`] with the format's or feature's name, [`Error::Limit`] for a PNG of more than 2³⁰ pixels.
+/// [`Error::Unsupported`] with the format's or feature's name, [`Error::Limit`] for a PNG or TIFF of more than 2³⁰ pixels.
 pub fn read_photo_header(path: &Path) -> Result<PhotoHeader> {
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     let meta = file.metadata().map_err(|e| Error::io(path, e))?;
@@ -96,24 +97,39 @@ fn header_of<R: BufRead + Seek>(
     if start.starts_with(png::SIGNATURE) {
         return png::read_header(reader, path, file_bytes);
     }
+    if tiff::SIGNATURES.iter().any(|s| start.starts_with(s)) {
+        let mut directory = tiff::Directory::read(reader, path, file_bytes)?;
+        let layout = tiff::Layout::read(&mut directory, path, file_bytes)?;
+        return Ok(tiff_header(&layout, file_bytes));
+    }
     let foreign =
         FOREIGN.iter().find(|(at, magic, _)| start[(*at).min(start.len())..].starts_with(magic));
     Err(match foreign {
         Some((_, _, name)) => Error::Unsupported {
             path: path.to_path_buf(),
             what: (*name).to_string(),
-            hint: Some("convert it to PNG or JPEG".to_string()),
+            hint: Some("convert it to TIFF, PNG or JPEG".to_string()),
         },
         None if start.is_empty() => {
-            Error::corrupt(path, "byte 0", "a JPEG or PNG photo", "an empty file")
+            Error::corrupt(path, "byte 0", "a JPEG, PNG or TIFF photo", "an empty file")
         }
         None => Error::corrupt(
             path,
             "byte 0",
-            "a JPEG or PNG photo",
+            "a JPEG, PNG or TIFF photo",
             format!("the bytes {}", hex(&start[..start.len().min(8)])),
         ),
     })
+}
+
+fn tiff_header(layout: &tiff::Layout, file_bytes: u64) -> PhotoHeader {
+    PhotoHeader {
+        format: PhotoFormat::Tiff { decoding_bytes: layout.decoding_bytes() },
+        size: layout.size,
+        channels: layout.channels,
+        bits: layout.bits,
+        file_bytes,
+    }
 }
 
 /// Bytes as hexadecimal pairs, for messages.

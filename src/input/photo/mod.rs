@@ -1,6 +1,6 @@
 //! Photographs at the door: what a file holds, read from its header, and its pixels, row by row.
 //!
-//! In: a JPEG or PNG file, told by its content, not by its extension. Out: a [`PhotoHeader`] without decoding a
+//! In: a JPEG, PNG or TIFF file, told by its content, not by its extension. Out: a [`PhotoHeader`] without decoding a
 //! pixel, and [`decode_photo`], which hands over rows from top to bottom, 1 (grey) or 3 (RGB) samples a pixel, 8
 //! or 16 bits. Promises: a size has passed a limit before anything is allocated for it; a file that is cut short
 //! is an error, never a picture that ends in grey; one decoder for a format, whose samples are the same on every
@@ -10,9 +10,11 @@
 mod decode;
 mod header;
 mod jpeg;
+mod limits;
 mod png;
 #[cfg(test)]
 mod tests;
+mod tiff;
 
 pub use decode::{Rows, decode_photo};
 pub use header::{PhotoFormat, PhotoHeader, read_photo_header};

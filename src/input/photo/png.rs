@@ -3,16 +3,13 @@
 use std::io::Read;
 use std::path::Path;
 
+use super::limits::check_size;
 use super::{PhotoFormat, PhotoHeader};
 use crate::geom::Size;
 use crate::{Error, Result};
 
 /// First bytes of every PNG file.
 pub(super) const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1A\n";
-/// Most pixels of a PNG: 2³⁰, a square of 32,768.
-const MAX_PIXELS: u64 = 1 << 30;
-/// Longest side of a PNG: rows are buffered, 256 at a time.
-const MAX_SIDE: u32 = 1 << 20;
 
 /// Reads signature and `IHDR` chunk from the start of `reader`.
 pub(super) fn read_header<R: Read>(
@@ -37,7 +34,7 @@ pub(super) fn read_header<R: Read>(
     let size = Size::new(word(16), word(20));
     let [depth, colour, compression, filter, interlace] =
         [head[24], head[25], head[26], head[27], head[28]];
-    check_size(path, size)?;
+    check_size(path, "byte 16", size)?;
     let channels = match (colour, depth) {
         (0, 1 | 2 | 4 | 8 | 16) | (4, 8 | 16) => 1,
         (2 | 6, 8 | 16) | (3, 1 | 2 | 4 | 8) => 3,
@@ -73,21 +70,4 @@ pub(super) fn read_header<R: Read>(
         bits: if depth == 16 { 16 } else { 8 },
         file_bytes,
     })
-}
-
-fn check_size(path: &Path, size: Size) -> Result<()> {
-    if size.width == 0 || size.height == 0 {
-        let found = format!("{} × {}", size.width, size.height);
-        return Err(Error::corrupt(path, "byte 16", "a size in pixels", found));
-    }
-    let side = size.width.max(size.height);
-    if side > MAX_SIDE {
-        let what = format!("{}: longest side in pixels", path.display());
-        return Err(Error::Limit { what, limit: MAX_SIDE.into(), found: side.into() });
-    }
-    if size.area() > MAX_PIXELS {
-        let what = format!("{}: pixels of the PNG", path.display());
-        return Err(Error::Limit { what, limit: MAX_PIXELS, found: size.area() });
-    }
-    Ok(())
 }

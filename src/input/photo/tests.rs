@@ -169,7 +169,10 @@ fn what_is_no_photo_is_named() {
     assert!(message(b"").contains("an empty file"));
     assert!(message(b"ply\nformat ascii").contains("found the bytes 70 6C 79 0A"));
     assert!(message(b"\xFF\xD8").contains("found the bytes FF D8"));
-    assert!(message(b"II*\0........").contains("TIFF or raw photo is not supported (convert"));
+    assert!(message(b"II*\0........").contains("byte 774778414: expected 2 bytes, found the end"));
+    assert!(
+        message(b"8BPS\0\x01").contains("a Photoshop document is not supported (convert it to")
+    );
     assert!(message(b"RIFF\0\0\0\0WEBPVP8 ").contains("WebP"));
     assert!(message(b"\0\0\0\x18ftypheic").contains("HEIF"));
     let folder = tempfile::tempdir().unwrap();
