@@ -71,8 +71,7 @@ pub(super) fn read_header<R: BufRead + Seek>(
     path: &Path,
     file_bytes: u64,
 ) -> Result<PhotoHeader> {
-    let mut segments = Segments { reader, path, at: 2 };
-    segments.reader.seek_relative(2).map_err(|e| Error::io(path, e))?;
+    let mut segments = Segments::after_start(reader, path)?;
     let mut frame = None;
     let mut adobe_transform = None;
     for _ in 0..MAX_SEGMENTS {
@@ -181,7 +180,13 @@ fn parse_frame(path: &Path, at: u64, marker: u8, payload: &[u8]) -> Result<Frame
     }
     match count {
         1 | 3 => {}
-        4 => return Err(Error::unsupported(path, "a CMYK JPEG")),
+        4 => {
+            return Err(Error::Unsupported {
+                path: path.to_path_buf(),
+                what: "a CMYK or YCCK JPEG".to_string(),
+                hint: Some("convert it to RGB".to_string()),
+            });
+        }
         n => return Err(Error::unsupported(path, format!("a JPEG of {n} components"))),
     }
     let mut components: Vec<_> = rest
@@ -247,13 +252,19 @@ fn parse_scan(path: &Path, at: u64, payload: &[u8], frame: &Frame) -> Result<Vec
 }
 
 /// Reads marker segments from a stream.
-struct Segments<'a, R> {
+pub(super) struct Segments<'a, R> {
     reader: &'a mut R,
     path: &'a Path,
     at: u64,
 }
 
-impl<R: BufRead + Seek> Segments<'_, R> {
+impl<'a, R: BufRead + Seek> Segments<'a, R> {
+    /// The segments of a JPEG from the first marker after the start of the image; `reader` stands at the file's start.
+    pub(super) fn after_start(reader: &'a mut R, path: &'a Path) -> Result<Self> {
+        reader.seek_relative(2).map_err(|e| Error::io(path, e))?;
+        Ok(Self { reader, path, at: 2 })
+    }
+
     fn bytes(&mut self, buffer: &mut [u8]) -> Result<()> {
         self.reader.read_exact(buffer).map_err(|e| match e.kind() {
             ErrorKind::UnexpectedEof => {
@@ -265,7 +276,7 @@ impl<R: BufRead + Seek> Segments<'_, R> {
         Ok(())
     }
 
-    fn marker(&mut self) -> Result<u8> {
+    pub(super) fn marker(&mut self) -> Result<u8> {
         let mut byte = [0];
         self.bytes(&mut byte)?;
         if byte != [0xFF] {
@@ -286,13 +297,13 @@ impl<R: BufRead + Seek> Segments<'_, R> {
             .ok_or_else(|| corrupt(self.path, self.at - 2, "a segment length of 2 or more", "less"))
     }
 
-    fn payload(&mut self) -> Result<Vec<u8>> {
+    pub(super) fn payload(&mut self) -> Result<Vec<u8>> {
         let mut payload = vec![0; self.length()?.into()];
         self.bytes(&mut payload)?;
         Ok(payload)
     }
 
-    fn skip(&mut self) -> Result<()> {
+    pub(super) fn skip(&mut self) -> Result<()> {
         let length = self.length()?;
         self.reader.seek_relative(length.into()).map_err(|e| Error::io(self.path, e))?;
         self.at += u64::from(length);

@@ -12,6 +12,7 @@ mod header;
 mod jpeg;
 mod limits;
 mod png;
+mod profile;
 #[cfg(test)]
 mod tests;
 mod tiff;
@@ -19,3 +20,4 @@ mod tiff;
 pub use decode::{Rows, decode_photo};
 pub use header::{PhotoFormat, PhotoHeader, read_photo_header};
 pub use jpeg::JpegCoding;
+pub use profile::{MAX_PROFILE_BYTES, Profile, profile_channels, read_profile};

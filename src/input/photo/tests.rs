@@ -207,8 +207,19 @@ fn jpegs_of_other_kinds_are_refused_by_name() {
     assert!(message(0xC0, 8, &colour).contains("Sequential"));
     assert!(message(0xC0, 12, &colour).contains("12 bits a sample is not supported"));
     assert!(message(0xC3, 8, &colour).contains("lossless"));
-    assert!(message(0xC9, 8, &colour).contains("arithmetic"));
-    assert!(message(0xC0, 8, &[[1, 0x11, 0]; 4]).contains("CMYK"));
+    for marker in [0xC9, 0xCA, 0xCC] {
+        assert!(message(marker, 8, &colour).contains("an arithmetic-coded JPEG is not supported"));
+    }
+    for marker in [0xC5, 0xC6, 0xCD, 0xCE] {
+        assert!(message(marker, 8, &colour).contains("a hierarchical JPEG is not supported"));
+    }
+    for marker in [0xC7, 0xCB, 0xCF] {
+        assert!(message(marker, 8, &colour).contains("a lossless JPEG is not supported"));
+    }
+    assert!(
+        message(0xC0, 8, &[[1, 0x11, 0]; 4])
+            .contains("a CMYK or YCCK JPEG is not supported (convert it to RGB)")
+    );
     assert!(message(0xC0, 8, &[[1, 0x11, 0], [2, 0x11, 0]]).contains("2 components"));
     assert!(message(0xC0, 8, &[[1, 0x31, 0], [2, 0x11, 1], [3, 0x11, 1]]).contains("3×1 1×1 1×1"));
     assert!(

@@ -189,7 +189,7 @@ fn check_budget(source: &PhotoSource, header: &PhotoHeader, budget_bytes: u64) -
         what: format!("decoding {}", source.path.display()),
         needed_bytes,
         allowed_bytes: budget_bytes,
-        hint: Some("allow more memory, or save the photo as a PNG that is not interlaced".into()),
+        hint: Some("allow more memory, or save the photo as a TIFF in strips or a PNG that is not interlaced".into()),
     })
 }
 
@@ -328,13 +328,13 @@ mod tests {
         let broken = folder.path().join("broken.png");
         let bytes = std::fs::read(&broken).unwrap();
         std::fs::write(&broken, &bytes[..bytes.len() / 2]).unwrap();
-        std::fs::write(folder.path().join("c.tif"), b"II*\0..............").unwrap();
+        std::fs::write(folder.path().join("c.psd"), b"8BPS..............").unwrap();
         let sources = [
             source(folder.path(), "a.jpg", Some(size)),
             source(folder.path(), "missing.jpg", None),
             source(folder.path(), "sub folder/a.jpg", None),
             source(folder.path(), "broken.png", Some(size)),
-            source(folder.path(), "c.tif", None),
+            source(folder.path(), "c.psd", None),
             source(folder.path(), "small.jpg", Some(Size::new(240, 180))),
             source(folder.path(), "b.png", Some(size)),
         ];
@@ -431,6 +431,36 @@ mod tests {
         assert!(with(working_bytes(&header)).unwrap().iter().all(std::result::Result::is_ok));
         // Once built, a photo needs no memory to be decoded.
         assert!(with(1).is_ok());
+    }
+
+    #[test]
+    fn a_progressive_jpeg_is_refused_for_its_coefficients_where_a_sequential_one_fits() {
+        let folder = tempfile::tempdir().unwrap();
+        // 48 Mpx that are not there: the header tells the need.
+        for (name, marker) in [("progressive.jpg", 0xC2), ("sequential.jpg", 0xC0)] {
+            let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/photo").join(name);
+            let mut bytes = std::fs::read(data).unwrap();
+            let frame = bytes.windows(2).position(|w| w == [0xFF, marker]).unwrap();
+            bytes[frame + 5..frame + 9].copy_from_slice(&[0x17, 0x70, 0x1F, 0x40]);
+            bytes.resize(1 << 20, 0);
+            std::fs::write(folder.path().join(name), bytes).unwrap();
+        }
+        let store = folder.path().join("store");
+        let of = |name| {
+            let preparation = Preparation { folder: &store, budget_bytes: 200 << 20, threads: 1 };
+            prepare_photos(&[source(folder.path(), name, None)], &preparation, &|_| Ok(()))
+        };
+        let e = of("progressive.jpg").unwrap_err();
+        assert_eq!(e.exit_code(), 3);
+        // 8000 × 6000 × 3 samples and, in whole blocks, 1.5 coefficients of 2 bytes a pixel.
+        let least = (8000 * 6000 * 3 + 8000 * 6016 * 3) >> 20;
+        let said = e.to_string();
+        let words = said.split("progressive.jpg needs ").nth(1).unwrap();
+        let needed: u64 = words.split(' ').next().unwrap().parse().unwrap();
+        assert!((least..least + 32).contains(&needed), "{said}");
+        assert!(said.contains("MiB, but only 200 MiB are allowed (allow more memory"), "{said}");
+        // The sequential one fits; its data are found to be missing later.
+        assert!(of("sequential.jpg").unwrap().remove(0).is_err());
     }
 
     #[test]

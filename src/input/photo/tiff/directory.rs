@@ -158,7 +158,7 @@ impl<'a, R: Read + Seek> Directory<'a, R> {
         if end.is_none() {
             return Err(cut());
         }
-        let length = usize::try_from(length).map_err(|_| cut())?;
+        let length = usize::try_from(length).ok().ok_or_else(cut)?;
         let mut bytes = vec![0; length];
         self.reader
             .seek(SeekFrom::Start(at))

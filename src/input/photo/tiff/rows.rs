@@ -145,7 +145,8 @@ impl<'a, S: Sample> Reader<'a, S> {
         let layout = self.layout;
         let chunk = layout.chunks[number as usize];
         let mut stream = ChunkBytes::open(self.file, self.path, layout, (chunk, height))?;
-        let length = usize::try_from(layout.stored_row_bytes()).map_err(|_| self.too_wide())?;
+        let length = usize::try_from(layout.stored_row_bytes()).ok();
+        let length = length.ok_or_else(|| self.too_wide())?;
         self.bytes.resize(length, 0);
         for y in 0..height as usize {
             stream.read_exact(&mut self.bytes).map_err(|e| self.broken(number, e))?;

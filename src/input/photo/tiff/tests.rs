@@ -115,7 +115,9 @@ impl File {
             put(&mut out, u64::from(*kind), 2);
             put(&mut out, values.len() as u64, wide);
             let mut own = Vec::new();
-            values.iter().for_each(|v| put(&mut own, *v, width(*kind)));
+            for value in values {
+                put(&mut own, *value, width(*kind));
+            }
             if own.len() <= wide {
                 own.resize(wide, 0);
                 out.extend(own);
