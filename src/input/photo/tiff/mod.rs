@@ -16,9 +16,6 @@ mod rows;
 #[cfg(test)]
 mod tests;
 
-pub(super) use directory::{Directory, tag};
+pub(super) use directory::{Directory, SIGNATURES, tag};
 pub(super) use layout::Layout;
 pub(super) use rows::decode;
-
-/// First bytes of TIFF and BigTIFF files of either byte order.
-pub(super) const SIGNATURES: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
