@@ -6,8 +6,7 @@ use std::path::Path;
 use crate::{Error, Result};
 
 /// First bytes of TIFF and BigTIFF files of either byte order.
-pub(in crate::input::photo) const SIGNATURES: [&[u8]; 4] =
-    [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
+pub(in crate::input::photo) const SIGNATURES: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 /// Most tags of a page; photos have some tens.
 const MAX_TAGS: u64 = 4096;
 
