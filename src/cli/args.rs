@@ -149,7 +149,7 @@ pub struct OrthoArgs {
     #[arg(value_name = "PROJECT.toml")]
     pub project: Option<PathBuf>,
 
-    /// Surface mesh, PLY; repeatable, face ids run on in this order
+    /// Surface mesh: PLY, OBJ, STL, GLB, glTF (y is not turned up), XYZ triplets; text also .gz, .zst; repeatable, face ids run on
     #[arg(long, value_name = "FILE", help_heading = "Input", value_parser = path!())]
     pub mesh: Vec<PathBuf>,
     /// Orientations of the photos: a COLMAP model folder, binary or text

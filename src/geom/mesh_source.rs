@@ -5,16 +5,33 @@
 //! start and with the same result. Memory: one chunk, whatever the size of the mesh or of a polygon.
 
 use std::fmt::Debug;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::Bounds3;
 use crate::Result;
 
 /// A mesh that can be streamed: a checked file whose counts are known.
 pub trait MeshSource: Sync + Debug {
     /// The file, for messages.
     fn path(&self) -> &Path;
+
+    /// The files besides [`Self::path`] that the mesh is read from.
+    fn further_files(&self) -> &[PathBuf] {
+        &[]
+    }
+
+    /// What is added to the file's coordinates, metres.
+    fn shift(&self) -> DVec3 {
+        DVec3::ZERO
+    }
+
+    /// How far apart neighbouring numbers of the file's number type are at the coordinates of a mesh with these
+    /// bounds, metres: finer detail is lost. 0 for doubles and for text.
+    fn spacing_m(&self, _bounds: &Bounds3) -> f64 {
+        0.0
+    }
 
     /// Number of vertices in the file.
     fn vertex_count(&self) -> u64;
@@ -33,6 +50,17 @@ pub trait MeshSource: Sync + Debug {
     /// # Errors
     /// If the file cannot be opened or read, or is malformed before its faces.
     fn faces(&self) -> Result<Box<dyn FaceStream + '_>>;
+}
+
+/// How far apart neighbouring 32-bit floats are at the greatest coordinate of these bounds; 0 if they are empty.
+pub fn f32_spacing(bounds: &Bounds3) -> f64 {
+    if bounds.is_empty() {
+        return 0.0;
+    }
+    let greatest = bounds.min.abs().max(bounds.max.abs()).max_element();
+    #[expect(clippy::cast_possible_truncation, reason = "the rounding is what is asked for")]
+    let single = greatest as f32;
+    f64::from(single.next_up()) - f64::from(single)
 }
 
 /// The vertices of a [`MeshSource`], in file order.
@@ -131,6 +159,15 @@ impl PolygonFan {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn floats_at_utm_size_stand_half_a_metre_apart() {
+        let at = |p: DVec3| f32_spacing(&Bounds3::of([p, DVec3::ZERO])).to_bits();
+        assert_eq!(at(DVec3::new(500_000.0, 4_200_000.0, 100.0)), 0.5_f64.to_bits());
+        assert_eq!(at(DVec3::new(-500_000.0, 0.0, 100.0)), (1.0_f64 / 32.0).to_bits());
+        assert_eq!(at(DVec3::new(1.0, 1023.9, 3.0)), (1.0_f64 / 16384.0).to_bits());
+        assert_eq!(f32_spacing(&Bounds3::EMPTY).to_bits(), 0);
+    }
 
     #[test]
     fn a_polygon_is_fanned_from_its_first_vertex_and_a_short_one_is_counted() {

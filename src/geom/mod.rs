@@ -16,6 +16,8 @@ pub use bounds::{Bounds2, Bounds3};
 pub use faces::{FaceBlock, FaceId};
 pub use hilbert::{hilbert2, hilbert3, hilbert3_lanes};
 pub use memory::held_bytes;
-pub use mesh_source::{FaceStream, MeshSource, PolygonFan, TriangleChunk, VertexStream};
+pub use mesh_source::{
+    FaceStream, MeshSource, PolygonFan, TriangleChunk, VertexStream, f32_spacing,
+};
 pub use predicates::orient2d;
 pub use rect::{PixelRect, Size};

@@ -1,21 +1,32 @@
 //! Foreign formats, checked at the door and streamed.
 //!
-//! In: files of other tools and of the user: meshes, COLMAP's camera models, frame files, project files. Out: the crate's own
-//! types, every number checked. Nothing read from a file is used before a limit has seen it; memory never grows with
+//! In: files of other tools and of the user: meshes (PLY, OBJ, STL, XYZ triplets, glTF), COLMAP's camera models, frame
+//! files, project files. Out: the crate's own types, every number checked. Nothing read from a file is used before a limit has seen it; memory never grows with
 //! a file's size, only with what is kept of it. Errors name the file, the line or byte, what was expected and what was
 //! found. Nothing here decides what to do with an input.
 
+mod byte_reader;
 mod colmap;
+mod content;
 mod glob;
+mod gltf;
 mod mesh;
+mod obj;
 pub mod photo;
 mod ply;
 mod project;
+#[cfg(test)]
+mod reading;
+mod soup;
+mod stl;
+mod text;
 mod toml_file;
+mod xyz;
 
 pub use colmap::read_cameras;
+pub use content::Compression;
 pub use glob::glob_matches;
-pub use mesh::open_mesh;
+pub use mesh::{MeshFormat, MeshKind, mesh_format, open_mesh};
 pub use ply::PlyMesh;
 pub use project::Project;
 pub use toml_file::read_frame;

@@ -5,14 +5,14 @@ use std::io::Read;
 use std::path::Path;
 
 use super::{cameras, mesh, photo, settings, tiff};
+use crate::input::mesh_format;
 use crate::{Error, Result};
 
 /// First bytes of a file that are enough to know it by.
 const HEAD_BYTES: u64 = 16;
 
 /// What `groundel info` can tell about.
-const KNOWN: &str =
-    "known are COLMAP folders, PLY, JPEG, PNG, TIFF, mesh stores, frame and project files (.toml)";
+const KNOWN: &str = "known are COLMAP folders, PLY, OBJ, STL, XYZ triplets, glTF, JPEG, PNG, TIFF, mesh stores, frame and project files (.toml)";
 
 /// What is in the file or folder at `path`, a few lines, each ending in a newline.
 ///
@@ -24,12 +24,12 @@ pub(in crate::cli) fn describe(path: &Path) -> Result<String> {
     }
     match &head(path)?[..] {
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::describe(path),
-        [b'p', b'l', b'y', b'\r' | b'\n', ..] => mesh::describe(path),
         [0xFF, 0xD8, 0xFF, ..] | [0x89, b'P', b'N', b'G', ..] => photo::describe(path),
         head if head.starts_with(b"GROUNDMS") => mesh::describe_store(path),
         _ if path.extension().is_some_and(|extension| extension == "toml") => {
             settings::describe(path)
         }
+        _ if mesh_format(path)?.is_some() => mesh::describe(path),
         _ => Err(Error::Unsupported {
             path: path.to_path_buf(),
             what: "this kind of file".into(),

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::Result;
 use crate::geom::Bounds3;
-use crate::input::open_mesh;
+use crate::input::{mesh_format, open_mesh};
 use crate::store::mesh::MeshStore;
 
 /// Vertices read at once.
@@ -14,12 +14,13 @@ const CHUNK: usize = 1 << 16;
 /// Pages of a store that may stay mapped while its header is looked at, bytes.
 const RESIDENT_BYTES: u64 = 16 << 20;
 
-/// Vertices, faces and bounds of a mesh file; reads all vertices.
+/// Format, vertices, faces and bounds of a mesh file; reads all vertices.
 ///
 /// # Errors
 /// What reading the file gives.
 pub(super) fn describe(path: &Path) -> Result<String> {
     let mesh = open_mesh(path)?;
+    let format = mesh_format(path)?.map(|format| format.to_string()).unwrap_or_default();
     let mut stream = mesh.vertices()?;
     let mut chunk = Vec::new();
     let (mut bounds, mut not_finite) = (None, 0_u64);
@@ -37,12 +38,17 @@ pub(super) fn describe(path: &Path) -> Result<String> {
             }
         }
     }
+    let spacing_m = bounds.map_or(0.0, |(min, max)| mesh.spacing_m(&Bounds3 { min, max }));
     let mut lines = vec![
-        format!("{}: mesh", path.display()),
+        format!("{}: mesh, {format}", path.display()),
         format!("vertices: {}", mesh.vertex_count()),
         format!("faces: {}", mesh.face_count()),
     ];
     lines.extend(bounds.map(|(min, max)| bounds_line(min, max)));
+    if spacing_m > 0.0 {
+        let spacing = spacing_m * 1000.0;
+        lines.push(format!("coordinates: 32-bit floats, {spacing:.3} mm apart at the greatest"));
+    }
     if not_finite > 0 {
         lines.push(format!("vertices not finite: {not_finite}"));
     }
@@ -90,11 +96,24 @@ mod tests {
                     500000.05 1 2\n500001 -3 2\n500000.5 1 7.5\nnan 0 0\n3 0 1 2\n";
         fs::write(&path, text).unwrap();
         let told = describe(&path).unwrap();
-        let (_, told) = told.split_once('\n').unwrap();
+        let (first, told) = told.split_once('\n').unwrap();
+        assert!(first.ends_with("m.ply: mesh, PLY"), "{first}");
         assert_eq!(
             told,
             "vertices: 4\nfaces: 1\nbounds: x 500000.05 to 500001, y -3 to 1, z 2 to 7.5\n\
              vertices not finite: 1\n"
         );
+    }
+    #[test]
+    fn floats_are_told_with_the_detail_that_they_lose() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.stl");
+        let mut stl = vec![0; 134];
+        stl[80] = 1;
+        stl[96..100].copy_from_slice(&4_200_000_f32.to_le_bytes());
+        fs::write(&path, &stl).unwrap();
+        let told = describe(&path).unwrap();
+        assert!(told.contains("m.stl: mesh, STL (binary)\nvertices: 3\nfaces: 1\n"), "{told}");
+        assert!(told.ends_with("\ncoordinates: 32-bit floats, 500.000 mm apart at the greatest\n"));
     }
 }

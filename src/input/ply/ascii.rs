@@ -6,7 +6,8 @@
 
 use glam::DVec3;
 
-use super::bytes::ByteReader;
+use super::super::byte_reader::ByteReader;
+use super::super::text::number;
 use super::header::{Element, Kind};
 use super::scalar::whole;
 use crate::geom::{FaceStream, PolygonFan, TriangleChunk, VertexStream};
@@ -122,20 +123,6 @@ impl<'a> Lines<'a> {
     #[cold]
     fn malformed(&self, expected: impl Into<String>, found: impl Into<String>) -> Error {
         self.reader.malformed(&self.element.name, self.next, expected, found)
-    }
-}
-
-/// A number in text. What C libraries print for one that is not finite, such as `-nan(ind)` or `1.#QNAN`, is NaN.
-fn number(word: &[u8]) -> Option<f64> {
-    if word.len() <= 15 && !word.is_empty() && word.iter().all(u8::is_ascii_digit) {
-        let digits = word.iter().fold(0_u64, |sum, digit| sum * 10 + u64::from(digit - b'0'));
-        return Some(digits as f64);
-    }
-    let text = str::from_utf8(word).ok()?;
-    match text.parse() {
-        Ok(value) => Some(value),
-        Err(_) if text.contains("nan(") || text.contains(".#") => Some(f64::NAN),
-        Err(_) => None,
     }
 }
 
@@ -262,25 +249,5 @@ impl FaceStream for AsciiFaces<'_> {
             self.read_face(max, out)?;
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_read_to_the_last_digit_and_what_is_not_finite_is_known() {
-        assert_eq!(number(b"4200000.12345"), Some(4_200_000.123_45));
-        assert_eq!(number(b"17"), Some(17.0));
-        assert_eq!(number(b"-1e-3"), Some(-0.001));
-        assert_eq!(number(b"999999999999999999999"), Some(1e21));
-        for word in ["nan", "-nan", "NaN", "-nan(ind)", "1.#QNAN", "-1.#IND"] {
-            assert!(number(word.as_bytes()).unwrap().is_nan(), "{word}");
-        }
-        assert_eq!(number(b"inf"), Some(f64::INFINITY));
-        for word in ["", "x", "1,5", "0x10", "1.0.0"] {
-            assert_eq!(number(word.as_bytes()), None, "{word}");
-        }
     }
 }

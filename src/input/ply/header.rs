@@ -4,7 +4,7 @@
 //! the file, so that no count is believed that the file cannot hold. G. Turk (1994), "The PLY polygon file
 //! format", Stanford University.
 
-use super::bytes::ByteReader;
+use super::super::byte_reader::ByteReader;
 use super::scalar::{Order, Scalar};
 use crate::{Error, Result};
 
@@ -124,7 +124,7 @@ impl Header {
 
     fn check_counts(&self, reader: &ByteReader<'_>, file_bytes: u64) -> Result<()> {
         // The last line of a text may lack its line end.
-        let mut left = (file_bytes + 1).saturating_sub(self.bytes);
+        let mut left = file_bytes.saturating_add(1).saturating_sub(self.bytes);
         for element in &self.elements {
             let least = element.count.checked_mul(element.least_bytes(self.encoding));
             let Some(rest) = least.and_then(|least| left.checked_sub(least)) else {

@@ -10,7 +10,6 @@
 
 mod ascii;
 mod binary;
-mod bytes;
 mod header;
 mod records;
 mod scalar;

@@ -1,6 +1,6 @@
 //! The records of one element of a binary PLY file, read forwards, part by part.
 
-use super::bytes::ByteReader;
+use super::super::byte_reader::ByteReader;
 use super::header::{Element, Kind};
 use super::scalar::{Order, Scalar};
 use crate::{Error, Result};
@@ -83,7 +83,7 @@ impl<'a> Records<'a> {
     /// Goes past `bytes` bytes of the current record.
     pub(super) fn skip(&mut self, bytes: u64) -> Result<()> {
         let end = self.reader.position().checked_add(bytes);
-        if end.is_none_or(|end| end > self.reader.file_bytes()) {
+        if end.is_none_or(|end| end > self.reader.most_bytes()) {
             return Err(self.cut());
         }
         self.reader.skip(bytes)

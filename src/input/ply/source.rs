@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use super::super::byte_reader::ByteReader;
 use super::ascii::{AsciiFaces, AsciiVertices, Lines};
 use super::binary::{BinaryFaces, BinaryVertices};
-use super::bytes::ByteReader;
-use super::header::{Element, Encoding, Header, Kind};
+use super::header::{Element, Encoding, Header, Kind, Property};
 use super::records::Records;
 use super::scalar::Scalar;
-use crate::geom::{FaceStream, MeshSource, VertexStream};
+use crate::geom::{Bounds3, FaceStream, MeshSource, VertexStream, f32_spacing};
 use crate::{Error, Result};
 
 /// A PLY file whose header has been read and checked: a mesh of vertices and faces.
@@ -38,8 +38,8 @@ impl PlyMesh {
     /// strips; [`Error::Limit`] for more vertices or faces than 32 bits can number.
     pub fn open(path: &Path) -> Result<Self> {
         let mut reader = ByteReader::open(path, 0)?;
-        let file_bytes = reader.file_bytes();
-        let header = Header::read(&mut reader, file_bytes)?;
+        let most_bytes = reader.most_bytes();
+        let header = Header::read(&mut reader, most_bytes)?;
         let vertex = find_vertices(path, &header)?;
         let (face, indices) = find_faces(path, &header)?;
         for (element, what) in [(vertex, "vertices"), (face, "faces")] {
@@ -86,6 +86,14 @@ impl MeshSource for PlyMesh {
 
     fn face_count(&self) -> u64 {
         self.header.elements[self.face].count
+    }
+
+    fn spacing_m(&self, bounds: &Bounds3) -> f64 {
+        let is_binary = matches!(self.header.encoding, Encoding::Binary(_));
+        let is_single = |p: &Property| p.kind == Kind::Scalar(Scalar::F32);
+        let axes = ["x", "y", "z"].map(|axis| self.header.elements[self.vertex].property(axis));
+        let any_single = axes.iter().flatten().any(|(_, p)| is_single(p));
+        if is_binary && any_single { f32_spacing(bounds) } else { 0.0 }
     }
 
     fn vertices(&self) -> Result<Box<dyn VertexStream + '_>> {
