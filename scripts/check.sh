@@ -19,10 +19,10 @@ lint() {
     echo "cargo-deny is not installed (cargo install --locked cargo-deny): .deny.toml was NOT checked" >&2
   fi
   local windows=x86_64-pc-windows-gnu
-  if [ -d "$(rustc --print sysroot)/lib/rustlib/$windows/lib" ]; then
-    cargo check --release --locked --target $windows
+  if [ -d "$(rustc --print sysroot)/lib/rustlib/$windows/lib" ] && command -v x86_64-w64-mingw32-gcc >/dev/null; then
+    RUSTFLAGS="-D warnings" cargo check --release --locked --target $windows
   else
-    echo "rustup target $windows is not installed: Windows was NOT checked" >&2
+    echo "rustup target $windows or gcc-mingw-w64-x86-64 is not installed: Windows was NOT checked" >&2
   fi
 }
 

@@ -103,7 +103,8 @@ pub(super) fn check_not_negative(value: f64) -> Parsed<f64> {
 
 /// `R,G,B` in the output's range, at most 65535.
 pub(super) fn colour(text: &str) -> Parsed<[u16; 3]> {
-    let parts: Option<Vec<u16>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let parts: Option<Vec<u16>> =
+        text.split(',').map(|part| part.trim().parse::<u16>().ok()).collect();
     let three = parts.and_then(|parts| <[u16; 3]>::try_from(parts).ok());
     three.ok_or_else(|| "expected three whole numbers R,G,B from 0 to 255 (16 bit: 65535)".into())
 }

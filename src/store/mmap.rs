@@ -88,6 +88,8 @@ impl MappedFile {
     /// Lets the system take the mapped pages of a range back; they come again when touched. A hint: that it is
     /// refused changes no result.
     pub(crate) fn release(&self, range: Range<usize>) {
+        #[cfg(not(unix))]
+        drop(range);
         #[cfg(unix)]
         if self.get(range.clone()).is_some_and(|bytes| !bytes.is_empty()) {
             let advice = memmap2::UncheckedAdvice::DontNeed;
