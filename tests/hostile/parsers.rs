@@ -1,0 +1,142 @@
+//! Each parser, driven over a whole file: what came out of it, as one number.
+
+use std::hash::Hasher;
+use std::path::{Path, PathBuf};
+
+use groundel::batch::{Manifest, PartReader};
+use groundel::geom::{PixelRect, TriangleChunk};
+use groundel::input::photo::{decode_photo, read_photo_header, read_profile};
+use groundel::input::{Project, open_mesh, read_cameras, read_frame};
+use groundel::store::mesh::{MeshStore, PartitionBuffer};
+use groundel::store::photo::{PhotoStore, working_bytes};
+use groundel::{Error, Result};
+
+/// Elements of a stream that are read at most: a small file may state many.
+const MOST: u64 = 1 << 20;
+/// Memory that a photo may ask for.
+const PHOTO_BYTES: u64 = 64 << 20;
+
+type Digest = std::hash::DefaultHasher;
+
+/// A mesh of any format: its counts, vertices and faces.
+pub(crate) fn mesh(path: &Path) -> Result<u64> {
+    let mesh = open_mesh(path)?;
+    let mut digest = Digest::new();
+    digest.write_u64(mesh.vertex_count());
+    digest.write_u64(mesh.face_count());
+    let (mut vertices, mut points, mut read) = (mesh.vertices()?, Vec::new(), 0);
+    loop {
+        vertices.next_vertices(1000, &mut points)?;
+        for c in points.iter().flat_map(glam::DVec3::to_array) {
+            digest.write_u64(c.to_bits());
+        }
+        read += points.len() as u64;
+        if points.is_empty() || read > MOST {
+            break;
+        }
+    }
+    let (mut faces, mut chunk, mut read) = (mesh.faces()?, TriangleChunk::default(), 0);
+    loop {
+        faces.next_faces(1000, &mut chunk)?;
+        for corner in chunk.triangles.iter().flatten() {
+            assert!(u64::from(*corner) < mesh.vertex_count(), "an index beyond the vertices");
+            digest.write_u32(*corner);
+        }
+        read += chunk.triangles.len() as u64 + chunk.short_faces;
+        if chunk.is_empty() || read > MOST {
+            break;
+        }
+    }
+    Ok(digest.finish())
+}
+
+/// A folder of cameras.
+pub(crate) fn cameras(folder: &Path) -> Result<u64> {
+    let set = read_cameras(folder)?;
+    let mut digest = Digest::new();
+    digest.write(format!("{set:?}").as_bytes());
+    Ok(digest.finish())
+}
+
+/// A photo: header, colour profile, pixels.
+pub(crate) fn photo(path: &Path) -> Result<u64> {
+    let header = read_photo_header(path)?;
+    let mut digest = Digest::new();
+    digest.write(format!("{:?}", header.size).as_bytes());
+    digest.write(format!("{:?}", read_profile(path, &header)?).as_bytes());
+    let needed_bytes = working_bytes(&header);
+    if needed_bytes > PHOTO_BYTES {
+        return Err(Error::OverBudget {
+            what: path.display().to_string(),
+            needed_bytes,
+            allowed_bytes: PHOTO_BYTES,
+            hint: None,
+        });
+    }
+    decode_photo(path, &header, &mut |rows| {
+        digest.write(format!("{rows:?}").as_bytes());
+        Ok(())
+    })?;
+    Ok(digest.finish())
+}
+
+/// A project file and its frame.
+pub(crate) fn project(path: &Path) -> Result<u64> {
+    let mut digest = Digest::new();
+    digest.write(format!("{:?}", Project::read(path)?).as_bytes());
+    Ok(digest.finish())
+}
+
+/// A frame file.
+pub(crate) fn frame(path: &Path) -> Result<u64> {
+    let mut digest = Digest::new();
+    digest.write(format!("{:?}", read_frame(path)?).as_bytes());
+    Ok(digest.finish())
+}
+
+/// A mesh store: all partitions.
+pub(crate) fn mesh_store(path: &Path) -> Result<u64> {
+    let mut digest = Digest::new();
+    for limit in [0, u64::MAX] {
+        let store = MeshStore::open(path, limit)?;
+        let (mut all, mut buffer) = (Vec::new(), PartitionBuffer::default());
+        store.query(|_| true, &mut all);
+        for id in all {
+            store.load(id, &mut buffer)?;
+            let block = buffer.block();
+            for p in block.positions {
+                digest.write(format!("{p:?}").as_bytes());
+            }
+            for (triangle, id) in block.triangles.iter().zip(block.ids) {
+                digest.write(format!("{triangle:?}{id:?}").as_bytes());
+            }
+        }
+    }
+    Ok(digest.finish())
+}
+
+/// A photo's tile store: all levels.
+pub(crate) fn photo_store(path: &Path) -> Result<u64> {
+    let store = PhotoStore::open([(0, path.to_path_buf())], 1 << 20)?;
+    let mut digest = Digest::new();
+    for level in 0..store.levels(0) {
+        let size = store.level_size(0, level);
+        let side = |n: u32| i64::from(n.min(600));
+        let rect = PixelRect::new(0, 0, side(size.width), side(size.height));
+        digest.write(format!("{:?}", store.window(0, level, rect)?).as_bytes());
+    }
+    Ok(digest.finish())
+}
+
+/// A job's manifest, and its part beside it: the tiles that are there.
+pub(crate) fn part(path: &Path) -> Result<u64> {
+    let manifest = Manifest::load(&path.with_file_name("manifest.json"))?;
+    let part = PartReader::open(path, &manifest)?;
+    let mut digest = Digest::new();
+    digest.write_usize(part.len());
+    groundel::batch::notes(&manifest, &[PathBuf::from(path)], &mut |note| {
+        digest.write(note);
+        Ok(())
+    })?;
+    Ok(digest.finish())
+}
