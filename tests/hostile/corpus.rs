@@ -3,7 +3,6 @@
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use super::{Parser, parsers};
 use groundel::synthetic::{Sampling, scenes};
@@ -263,39 +262,8 @@ pub(crate) fn cameras(folder: &Path, kind: &str) -> Vec<String> {
     vec!["cameras.bin".into(), "images.bin".into()]
 }
 
-/// Stores and a job's part, as a run leaves them: the run is ended by an output that cannot be put in its place.
-pub(crate) fn own(folder: &Path) -> Vec<(PathBuf, Parser)> {
-    let mut scene = scenes::columns();
-    scene.shots.truncate(2);
-    scene.write(folder, Sampling::Box(1), &[]).unwrap();
-    let out = folder.join("out");
-    fs::create_dir(&out).unwrap();
-    let run = Command::new(env!("CARGO_BIN_EXE_groundel"))
-        .args(["ortho", "--quiet", "--tile-size", "32", "--work"])
-        .arg(folder.join("work"))
-        .arg("--out")
-        .arg(out.join("mosaic.tif"))
-        .arg(folder.join("project.toml"))
-        .output()
-        .unwrap();
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    let find = |folder: PathBuf, ending: &str| {
-        let mut found: Vec<PathBuf> =
-            fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
-        found.retain(|p| p.extension().is_some_and(|e| e == ending));
-        found.sort();
-        found.remove(0)
-    };
-    let work = folder.join("work");
-    vec![
-        (find(work.clone(), "store"), parsers::mesh_store as Parser),
-        (find(work.join("photos"), "tiles"), parsers::photo_store as Parser),
-        (part(&folder.join("job")), parsers::part as Parser),
-    ]
-}
-
 /// A finished part of a small job, and its manifest.
-fn part(folder: &Path) -> PathBuf {
+pub(crate) fn part(folder: &Path) -> PathBuf {
     use groundel::batch::{Manifest, Run, TileAddress, curve_order, run};
     use groundel::geom::Size;
     use groundel::image::Image;
