@@ -152,6 +152,9 @@ pub struct OrthoArgs {
     /// Surface mesh: PLY, OBJ, STL, GLB, glTF (y is not turned up), XYZ triplets; text also .gz, .zst; repeatable, face ids run on
     #[arg(long, value_name = "FILE", help_heading = "Input", value_parser = path!())]
     pub mesh: Vec<PathBuf>,
+    /// Added to every vertex of every mesh, metres: from reduced coordinates to the ground [default: 0,0,0]
+    #[arg(long, value_name = "X,Y,Z", help_heading = "Input", value_parser = values::shift)]
+    pub shift: Option<[f64; 3]>,
     /// Orientations of the photos: a COLMAP model folder, binary or text
     #[arg(long, value_name = "PATH", help_heading = "Input", value_parser = path!())]
     pub cameras: Option<PathBuf>,

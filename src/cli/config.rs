@@ -29,6 +29,8 @@ const WORK_FOLDER: &str = ".groundel";
 pub struct Config {
     /// The mesh files; face ids run on in this order.
     pub meshes: Vec<PathBuf>,
+    /// Added to every vertex of every mesh, metres.
+    pub shift: [f64; 3],
     /// The camera set.
     pub cameras: PathBuf,
     /// The folder of the photos.
@@ -93,6 +95,8 @@ impl Config {
             photos: needed(args.photos.clone(), "photos")?,
             plane: frame_choice::plane(&args, frame)?,
             meshes: args.mesh,
+            // `+ 0.0` turns −0 into 0.
+            shift: args.shift.unwrap_or_default().map(|metres| metres + 0.0),
             choice: PhotoChoice { include: args.include, exclude: args.exclude },
             force: args.force,
             interpolation: args.interpolation.unwrap_or_default(),
@@ -138,6 +142,7 @@ impl Config {
     pub fn described(&self) -> Map<String, Value> {
         let layers: Vec<_> = self.layers.iter().map(|layer| layer.name()).collect();
         let settings = [
+            ("shift", json!(self.shift)),
             ("include", json!(self.choice.include)),
             ("exclude", json!(self.choice.exclude)),
             ("interpolation", json!(word(&self.interpolation))),

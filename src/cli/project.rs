@@ -34,6 +34,7 @@ fn checked(path: &Path, project: Project) -> Result<OrthoArgs> {
     Ok(OrthoArgs {
         project: None,
         mesh: project.mesh,
+        shift: keys.check("shift", project.shift, values::check_shift)?,
         cameras: project.cameras,
         photos: project.photos,
         include: project.include,
@@ -102,6 +103,7 @@ fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
     OrthoArgs {
         project: flags.project,
         mesh: either(flags.mesh, below.mesh),
+        shift: flags.shift.or(below.shift),
         cameras: flags.cameras.or(below.cameras),
         photos: flags.photos.or(below.photos),
         include: either(flags.include, below.include),
@@ -195,6 +197,7 @@ mod tests {
             ("beta = -1.0", "beta", "at least 0"),
             ("crs = \"32634\"", "crs", "EPSG:"),
             ("up = [0, 0, 0]", "up", "direction"),
+            ("shift = [0, nan, 0]", "shift", "finite"),
         ] {
             let error = merge(OrthoArgs::default(), text).unwrap_err();
             let message = error.to_string();

@@ -59,6 +59,16 @@ pub(super) fn check_elevation(slab: [f64; 2]) -> Parsed<[f64; 2]> {
     Ok(slab)
 }
 
+/// `X,Y,Z`, metres.
+pub(super) fn shift(text: &str) -> Parsed<[f64; 3]> {
+    check_shift(numbers(text)?)
+}
+
+/// A shift is finite.
+pub(super) fn check_shift(shift: [f64; 3]) -> Parsed<[f64; 3]> {
+    finite(shift)
+}
+
 /// `X,Y,Z`, not zero.
 pub(super) fn direction(text: &str) -> Parsed<[f64; 3]> {
     check_direction(numbers(text)?)
@@ -307,6 +317,8 @@ mod tests {
         assert!(positive("0").is_err() && positive("-1").is_err() && positive("inf").is_err());
         assert_eq!(not_negative("0"), Ok(0.0));
         assert!(not_negative("-0.1").is_err() && not_negative("nan").is_err());
+        assert_eq!(shift("-5e5, 0,4200000.25"), Ok([-5e5, 0.0, 4_200_000.25]));
+        assert!(shift("0,0").is_err() && shift("inf,0,0").is_err() && shift("0,nan,0").is_err());
         assert!(direction("0,0,0").is_err() && direction("0,0,-1").is_ok());
     }
 }

@@ -26,7 +26,7 @@ mod xyz;
 pub use colmap::read_cameras;
 pub use content::Compression;
 pub use glob::glob_matches;
-pub use mesh::{MeshFormat, MeshKind, mesh_format, open_mesh};
+pub use mesh::{MeshFormat, MeshKind, mesh_format, open_mesh, shifted};
 pub use ply::PlyMesh;
 pub use project::Project;
 pub use toml_file::read_frame;

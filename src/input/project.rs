@@ -17,6 +17,8 @@ use crate::frame::{FrameSpec, FrameTable};
 pub struct Project {
     /// Mesh files, in order.
     pub mesh: Vec<PathBuf>,
+    /// Added to every vertex of every mesh, metres.
+    pub shift: Option<[f64; 3]>,
     /// Camera file or folder.
     pub cameras: Option<PathBuf>,
     /// Folder of the photos.
@@ -83,6 +85,7 @@ pub struct Project {
 struct ProjectTable {
     #[serde(default)]
     mesh: Vec<PathBuf>,
+    shift: Option<[f64; 3]>,
     cameras: Option<PathBuf>,
     photos: Option<PathBuf>,
     frame: Option<FrameTable>,
@@ -141,6 +144,7 @@ impl ProjectTable {
         let at = |path: Option<PathBuf>| path.map(|p| folder.join(p));
         Project {
             mesh: self.mesh.into_iter().map(|p| folder.join(p)).collect(),
+            shift: self.shift,
             cameras: at(self.cameras),
             photos: at(self.photos),
             frame,
@@ -191,6 +195,7 @@ mod tests {
         let (folder, project) = project(
             r#"
 mesh = ["a.ply", "sub/b c.ply", "/abs/c.ply"]
+shift = [500000, 4200000.5, 0]
 cameras = "sparse"
 photos = "../images"
 view = "top"
@@ -233,6 +238,7 @@ v_axis = [0, 0, 1]
         assert_eq!(p.mesh[2], Path::new("/abs/c.ply"));
         let expected = Project {
             mesh: p.mesh.clone(),
+            shift: Some([500_000.0, 4_200_000.5, 0.0]),
             cameras: at("sparse"),
             photos: at("../images"),
             frame: p.frame.clone(),

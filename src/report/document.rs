@@ -21,6 +21,8 @@ pub struct Report {
     pub coverage: Coverage,
     /// Each photo that was used, in id order.
     pub photos: Vec<PhotoReport>,
+    /// What the user should know, but what kept nothing from being done.
+    pub warnings: Vec<String>,
     /// The files written, layers first.
     pub outputs: Vec<OutputFile>,
     /// How the run went: the only part that differs between runs of the same inputs and settings.
@@ -201,6 +203,7 @@ mod tests {
             settings: Map::new(),
             coverage: Coverage::new(100, &[5, 10, 20, 30, 15], 7),
             photos: vec![PhotoReport::new(3, "b/ü 1.jpg", &tally, 255.0)],
+            warnings: Vec::new(),
             outputs: vec![OutputFile { file: "o.tif".into(), bytes: 12 }],
             run: Run::default(),
         }

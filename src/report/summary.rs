@@ -118,6 +118,7 @@ mod tests {
             settings: serde_json::Map::new(),
             coverage: Coverage::new(1200, &[0, 600], 0),
             photos: vec![photo(0, 3), photo(1, 3), photo(2, 30), photo(3, 3)],
+            warnings: Vec::new(),
             outputs: vec![OutputFile { file: "o.tif".into(), bytes: 3 << 20 }],
             run: Run { seconds: 1.25, peak_memory_bytes: Some(5 << 20), ..Default::default() },
         }

@@ -4,6 +4,7 @@
 mod command;
 mod cracks;
 mod demo;
+mod formats;
 mod golden;
 mod interruption;
 mod job;

@@ -23,6 +23,7 @@ pub(super) fn describe(path: &Path) -> Result<String> {
         let project = Project::read(path)?;
         lines.push(format!("{}: project file", path.display()));
         lines.extend(project.mesh.iter().map(|mesh| format!("mesh: {}", mesh.display())));
+        lines.extend(project.shift.map(|shift| format!("shift: {shift:?} m")));
         let paths =
             [("cameras", &project.cameras), ("photos", &project.photos), ("out", &project.out)];
         let named = |(key, path): (&str, &Option<std::path::PathBuf>)| {

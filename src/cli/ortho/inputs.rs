@@ -1,11 +1,13 @@
 //! What a job reads: meshes and oriented photos.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
 
 use super::super::config::Config;
 use crate::camera::{CameraSet, Photo};
 use crate::geom::MeshSource;
-use crate::input::{open_mesh, read_cameras};
+use crate::input::{open_mesh, read_cameras, shifted};
 use crate::report::LeftOut;
 use crate::{Error, Result};
 
@@ -23,7 +25,9 @@ pub(super) struct Inputs {
 impl Inputs {
     /// Reads the cameras and the heads of the meshes.
     pub(super) fn read(config: &Config) -> Result<Self> {
-        let meshes = config.meshes.iter().map(|path| open_mesh(path)).collect::<Result<_>>()?;
+        let shift = DVec3::from_array(config.shift);
+        let open = |path: &PathBuf| Ok(shifted(open_mesh(path)?, shift));
+        let meshes = config.meshes.iter().map(open).collect::<Result<_>>()?;
         let cameras = read_cameras(&config.cameras)?;
         check_folder(&config.photos)?;
         if let Some(pattern) = config.choice.idle_pattern(&cameras.names) {

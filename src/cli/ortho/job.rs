@@ -10,6 +10,7 @@ use super::super::config::Config;
 use super::super::console;
 use super::choices;
 use super::inputs::Inputs;
+use super::precision;
 use super::stores::Stores;
 use crate::batch::Manifest;
 use crate::camera::Photo;
@@ -33,6 +34,8 @@ pub(super) struct Job {
     pub(super) scene: Scene,
     pub(super) photos: Vec<Photo>,
     pub(super) left_out: Vec<LeftOut>,
+    /// What the user should know, but what kept nothing from being done.
+    pub(super) warnings: Vec<String>,
     pub(super) manifest: Manifest,
     /// The job's folder in the work folder.
     pub(super) folder: PathBuf,
@@ -46,6 +49,7 @@ impl Job {
     /// Decides grid, colour, depth and layers.
     pub(super) fn plan(config: &Config, inputs: &Inputs, stores: Stores) -> Result<Self> {
         let Stores { mesh, pixels, photos, left_out } = stores;
+        let warnings = precision::warnings(inputs, &mesh);
         let mosaic = grid(config, &mesh, &photos)?;
         let (colour, depth) = colour_and_depth(&pixels, &photos);
         let blend = render::BlendSettings {
@@ -85,7 +89,7 @@ impl Job {
         manifest.save(&folder.join("manifest.json"))?;
         let outputs = manifest.layers().iter().map(|l| config.layer_file(l.meaning())).collect();
         let part = folder.join("part-0");
-        Ok(Self { mosaic, scene, photos, left_out, manifest, folder, part, outputs })
+        Ok(Self { mosaic, scene, photos, left_out, warnings, manifest, folder, part, outputs })
     }
 }
 

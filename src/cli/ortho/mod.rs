@@ -4,6 +4,7 @@ mod choices;
 mod inputs;
 mod job;
 mod outputs;
+mod precision;
 mod reporting;
 mod run;
 mod stores;

@@ -38,6 +38,7 @@ pub(super) fn report(outcome: &Outcome<'_>) -> Result<()> {
         settings: config.described(),
         coverage: Coverage::new(job.mosaic.size.area(), &histogram, rejected),
         photos,
+        warnings: job.warnings.clone(),
         outputs: outputs(config, job)?,
         run: Run {
             threads: config.threads,

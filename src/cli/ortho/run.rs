@@ -65,6 +65,9 @@ fn stages(config: &Config) -> Result<ExitStatus> {
         console::note(&format!("groundel: {} is left out: {}", left_out.photo, left_out.reason));
     }
     let job = log.run("plan", || Job::plan(config, &inputs, stores))?;
+    for warning in &job.warnings {
+        console::note(&format!("groundel: warning: {warning}"));
+    }
     let memory = log.run("tiles", || tiles(config, &job, &budget))?;
     let parts = std::slice::from_ref(&job.part);
     let statistics = statistics(&job.manifest, parts, inputs.cameras.names.len())?;

@@ -2,6 +2,8 @@
 
 mod format;
 mod open;
+mod shifted;
 
 pub use format::{MeshFormat, MeshKind, mesh_format};
 pub use open::open_mesh;
+pub use shifted::shifted;

@@ -60,8 +60,7 @@ impl MeshBuild {
         sources: &[&dyn MeshSource],
         on_progress: OnProgress<'_>,
     ) -> Result<MeshStore> {
-        let paths: Vec<&Path> = sources.iter().map(|s| s.path()).collect();
-        let key = MeshKey::of(&paths)?;
+        let key = MeshKey::of(sources)?;
         std::fs::create_dir_all(&self.work).map_err(|e| Error::io(&self.work, e))?;
         let path = self.store_path(key);
         if let Some(store) = self.open_built(&path, key)? {
@@ -74,7 +73,7 @@ impl MeshBuild {
         }
         let folder = TemporaryFolder::new(path.with_extension("tmp"))?;
         let job = Job { sources, key, folder: &folder.0, plan: self.plan(sources) };
-        job.run(&path, Meter(on_progress), || unchanged(&paths, key))?;
+        job.run(&path, Meter(on_progress), || unchanged(sources, key))?;
         MeshStore::open(&path, self.resident_limit_bytes)
     }
 
@@ -198,11 +197,11 @@ fn first_ids(sources: &[&dyn MeshSource]) -> Result<Vec<u32>> {
 }
 
 /// An error if the files are no longer those that the key was made of.
-fn unchanged(paths: &[&Path], key: MeshKey) -> Result<()> {
-    if MeshKey::of(paths)? == key {
+fn unchanged(sources: &[&dyn MeshSource], key: MeshKey) -> Result<()> {
+    if MeshKey::of(sources)? == key {
         return Ok(());
     }
-    let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
+    let names: Vec<String> = sources.iter().map(|s| s.path().display().to_string()).collect();
     let place = "content, while it was read";
     Err(Error::corrupt(names.join(", "), place, "no change", "a change"))
 }

@@ -1,19 +1,22 @@
 //! The key of a mesh store: what it was made from.
 //!
-//! In: the input files and the layout's settings. Out: 128 bits that change with a file's name, length,
-//! modification time, or its first, middle or last MiB; not with the folder that it lies in. Does not read the
+//! In: the input files, their shifts, and the layout's settings. Out: 128 bits that change with a shift, and with a
+//! file's name, length, modification time, or its first, middle or last MiB; not with the folder that it lies in. Does not read the
 //! whole of a large file: an edit within one that keeps length and modification time is not seen.
 
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
-use std::path::Path;
+use std::iter;
+use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
+use glam::DVec3;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::lattice::STEPS_LOG2;
 use super::layout::{PARTITION_TRIANGLES, VERSION};
+use crate::geom::MeshSource;
 use crate::{Error, Result};
 
 /// Bytes looked at in each of three places of a file.
@@ -24,17 +27,35 @@ const SAMPLE_BYTES: u64 = 1 << 20;
 pub struct MeshKey(pub(super) [u8; 16]);
 
 impl MeshKey {
-    /// The key of the store that these mesh files make, in this order.
+    /// The key of the store that these meshes make, in this order.
     ///
     /// # Errors
     /// [`Error::Io`] if a file cannot be read.
-    pub fn of<P: AsRef<Path>>(files: &[P]) -> Result<Self> {
+    pub fn of(sources: &[&dyn MeshSource]) -> Result<Self> {
+        let parts: Vec<_> = sources
+            .iter()
+            .map(|source| {
+                let further = source.further_files().iter().map(PathBuf::as_path);
+                (iter::once(source.path()).chain(further).collect(), source.shift())
+            })
+            .collect();
+        Self::of_files(&parts)
+    }
+
+    /// The key of meshes, each read from some files and shifted.
+    fn of_files(meshes: &[(Vec<&Path>, DVec3)]) -> Result<Self> {
         let mut hash = Xxh3::new();
         hash.update(&VERSION.to_le_bytes());
         hash.update(&STEPS_LOG2.to_le_bytes());
         hash.update(&(PARTITION_TRIANGLES as u64).to_le_bytes());
-        for file in files {
-            add_file(&mut hash, file.as_ref()).map_err(|e| Error::io(file, e))?;
+        for (files, shift) in meshes {
+            hash.update(&(files.len() as u64).to_le_bytes());
+            for file in files {
+                add_file(&mut hash, file).map_err(|e| Error::io(file, e))?;
+            }
+            for metres in shift.to_array() {
+                hash.update(&metres.to_le_bytes());
+            }
         }
         Ok(Self(hash.digest128().to_le_bytes()))
     }
@@ -81,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_key_follows_content_name_and_time_but_not_the_folder() {
+    fn the_key_follows_content_name_time_and_shift_but_not_the_folder() {
         let dir = tempfile::tempdir().unwrap();
         let time = UNIX_EPOCH + Duration::from_secs(1_700_000_000);
         let write = |folder: &str, name: &str, bytes: &[u8], time| {
@@ -92,7 +113,11 @@ mod tests {
             path
         };
         let mut bytes = vec![5; 5 << 20];
-        let key = |path: &Path| MeshKey::of(&[path]).unwrap();
+        let of = |paths: &[&Path]| {
+            let alone: Vec<_> = paths.iter().map(|&p| (vec![p], DVec3::ZERO)).collect();
+            MeshKey::of_files(&alone).unwrap()
+        };
+        let key = |path: &Path| of(&[path]);
         let first = key(&write("a", "m.ply", &bytes, time));
         assert_eq!(key(&write("b", "m.ply", &bytes, time)), first);
         assert_ne!(key(&write("b", "n.ply", &bytes, time)), first);
@@ -104,7 +129,12 @@ mod tests {
             bytes[place] ^= 1;
         }
         let (a, b) = (write("a", "m.ply", &bytes, time), write("b", "n.ply", &bytes, time));
-        assert_ne!(MeshKey::of(&[&a, &b]).unwrap(), MeshKey::of(&[&b, &a]).unwrap());
+        assert_ne!(of(&[&a, &b]), of(&[&b, &a]));
+        let together = MeshKey::of_files(&[(vec![&a, &b], DVec3::ZERO)]).unwrap();
+        assert_ne!(together, of(&[&a, &b]));
+        for shift in [DVec3::X, DVec3::Y, -DVec3::X] {
+            assert_ne!(MeshKey::of_files(&[(vec![&a], shift)]).unwrap(), of(&[&a]), "{shift}");
+        }
         assert_eq!(first.hex().len(), 32);
     }
 }

@@ -341,7 +341,7 @@ fn a_matching_store_is_reused_and_a_damaged_or_stale_one_rebuilt() {
     };
     let (path, first) = open();
     assert!(first.is_sorted() && first.contains(&BuildStage::Partitions));
-    assert_eq!(path, build.store_path(MeshKey::of(&[&mesh.path]).unwrap()));
+    assert_eq!(path, build.store_path(MeshKey::of(&[&mesh]).unwrap()));
     assert_eq!(open(), (path.clone(), vec![]));
     let good = std::fs::read(&path).unwrap();
     std::fs::write(&path, &good[..good.len() / 2]).unwrap();
