@@ -188,8 +188,6 @@ fn a_project_file_speaks_for_flags_and_its_faults_are_placed() {
 #[test]
 fn what_comes_later_is_refused_and_says_so() {
     let complete = ["--mesh", "m.ply", "--cameras", "c", "--photos", "p", "--out", "o.tif"];
-    let masks = refused(&[&complete[..], &["--view", "top", "--masks", "m"]].concat());
-    assert!(masks.contains("--masks is not supported"), "{masks}");
     let fit = refused(&[&complete[..], &["--view", "fit", "--up", "0,0,-1"]].concat());
     assert!(fit.contains("\"fit\" is not supported"), "{fit}");
     for arguments in [

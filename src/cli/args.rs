@@ -167,7 +167,7 @@ pub struct OrthoArgs {
     /// Use no photo whose full name matches (* crosses /); repeatable [default: none]
     #[arg(long, value_name = "GLOB", help_heading = "Input", value_parser = pattern!())]
     pub exclude: Vec<String>,
-    /// Folder of masks, named as the photos (or their stems) + .png, 0 = do not use; comes with a later version
+    /// Folder of masks, PHOTO.png or STEM.png, 0 = do not use; photos without one are used whole [default: none]
     #[arg(long, value_name = "DIR", help_heading = "Input", value_parser = path!())]
     pub masks: Option<PathBuf>,
 

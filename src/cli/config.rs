@@ -37,6 +37,8 @@ pub struct Config {
     pub photos: PathBuf,
     /// Which of the photos to use.
     pub choice: PhotoChoice,
+    /// The folder of the photos' masks.
+    pub masks: Option<PathBuf>,
     /// What the mosaic is drawn on; flags for pixel size, extent, slab and reference system stand in it already.
     pub plane: Plane,
     /// Allow a mosaic of more than 10 times the photos' pixels.
@@ -80,12 +82,9 @@ impl Config {
     ///
     /// # Errors
     /// [`Error::Usage`] naming flag and key if something needed is missing or makes no sense;
-    /// [`Error::Unsupported`] for masks and for frames that cannot be drawn yet; what reading the files gives.
+    /// [`Error::Unsupported`] for frames that cannot be drawn yet; what reading the files gives.
     pub fn build(args: OrthoArgs) -> Result<Self> {
         let (args, frame) = project::merged(args)?;
-        if let Some(masks) = &args.masks {
-            return Err(Error::unsupported(masks, "--masks"));
-        }
         let out = mosaic_file(needed(args.out.clone(), "out")?)?;
         if args.mesh.is_empty() {
             return Err(missing("mesh"));
@@ -98,6 +97,7 @@ impl Config {
             // `+ 0.0` turns −0 into 0.
             shift: args.shift.unwrap_or_default().map(|metres| metres + 0.0),
             choice: PhotoChoice { include: args.include, exclude: args.exclude },
+            masks: args.masks,
             force: args.force,
             interpolation: args.interpolation.unwrap_or_default(),
             outliers: args.outliers.unwrap_or_default(),
@@ -145,6 +145,7 @@ impl Config {
             ("shift", json!(self.shift)),
             ("include", json!(self.choice.include)),
             ("exclude", json!(self.choice.exclude)),
+            ("masks", json!(self.masks.as_ref().map(|path| path.display().to_string()))),
             ("interpolation", json!(word(&self.interpolation))),
             ("outliers", json!(word(&self.outliers))),
             ("beta", json!(self.beta)),
@@ -251,9 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn masks_are_refused_and_so_is_a_mosaic_that_is_no_tiff() {
-        let masks = Config::build(OrthoArgs { masks: Some("m".into()), ..args() }).unwrap_err();
-        assert_eq!(masks.to_string(), "m: --masks is not supported");
+    fn a_mosaic_that_is_no_tiff_is_refused() {
         let out = Config::build(OrthoArgs { out: Some("o.jpg".into()), ..args() }).unwrap_err();
         assert_eq!(out.to_string(), "--out: expected a name ending in .tif, found o.jpg");
     }

@@ -247,6 +247,9 @@ fn directory(
     if layer.meaning() == Meaning::Mosaic {
         d.shorts(338, &[2]); // ExtraSamples: unassociated alpha
     }
+    if let Some(profile) = layer.profile() {
+        d.bytes(34675, profile); // ICCProfile
+    }
     let format = if layer.sample().is_float() { 3 } else { 1 };
     d.shorts(339, &vec![format; channels]); // SampleFormat
     if let Some(text) = layer.nodata_text() {

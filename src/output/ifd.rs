@@ -28,6 +28,7 @@ const ASCII: u16 = 2;
 const SHORT: u16 = 3;
 const LONG: u16 = 4;
 const RATIONAL: u16 = 5;
+const UNDEFINED: u16 = 7;
 const DOUBLE: u16 = 12;
 const LONG8: u16 = 16;
 
@@ -91,6 +92,11 @@ impl Directory {
     pub(super) fn rational(&mut self, tag: u16, numerator: u32, denominator: u32) {
         let parts = [numerator, denominator];
         self.add(tag, RATIONAL, 1, parts.iter().flat_map(|v| v.to_le_bytes()).collect());
+    }
+
+    /// Bytes that mean nothing to TIFF.
+    pub(super) fn bytes(&mut self, tag: u16, bytes: &[u8]) {
+        self.add(tag, UNDEFINED, bytes.len(), bytes.to_vec());
     }
 
     /// A text, which ends at its first NUL.

@@ -1,6 +1,6 @@
 //! [`Layer`]: what one output file holds, in which samples, and what its values mean.
 
-use super::{Raster, SampleType};
+use super::{IccProfile, Raster, SampleType};
 use crate::image::{Colour, Depth};
 
 /// `face` where no face is seen.
@@ -37,6 +37,8 @@ pub struct Layer {
     sample: SampleType,
     channels: usize,
     items: Vec<(String, String)>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    profile: Option<IccProfile>,
 }
 
 impl Meaning {
@@ -91,7 +93,7 @@ impl Layer {
             Colour::Grey => 2,
             Colour::Rgb => 4,
         };
-        Self { meaning: Meaning::Mosaic, sample, channels, items: Vec::new() }
+        Self { meaning: Meaning::Mosaic, sample, channels, items: Vec::new(), profile: None }
     }
 
     /// The layer of a meaning with one channel, or `None` for the mosaic, which needs colour and depth.
@@ -103,7 +105,7 @@ impl Layer {
             Meaning::Count | Meaning::Used | Meaning::Coverage => SampleType::U8,
             Meaning::Best => SampleType::U16,
         };
-        Some(Self { meaning, sample, channels: 1, items: Vec::new() })
+        Some(Self { meaning, sample, channels: 1, items: Vec::new(), profile: None })
     }
 
     /// The layer with one more metadata item; the order of items is kept.
@@ -111,6 +113,18 @@ impl Layer {
     pub fn with_item(mut self, name: impl Into<String>, value: impl Into<String>) -> Self {
         self.items.push((name.into(), value.into()));
         self
+    }
+
+    /// The layer with an ICC colour profile, which says what the samples' colours look like.
+    #[must_use]
+    pub fn with_profile(mut self, profile: IccProfile) -> Self {
+        self.profile = Some(profile);
+        self
+    }
+
+    /// The bytes of the ICC colour profile.
+    pub fn profile(&self) -> Option<&[u8]> {
+        self.profile.as_ref().map(IccProfile::bytes)
     }
 
     /// What the values mean.

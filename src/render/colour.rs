@@ -11,6 +11,7 @@ use crate::surface::SurfaceTile;
 use crate::visibility::{SUB_BLOCK, ViewTile};
 
 use super::Scene;
+use super::masking::Masking;
 use super::tile::View;
 
 /// Largest window, pixels: points whose taps lie farther apart are sampled in parts. Four photo tiles.
@@ -19,6 +20,7 @@ const WINDOW_AREA: usize = 4 * 256 * 256;
 /// Colours one block after another, reusing its memory.
 #[derive(Debug)]
 pub(super) struct Colouring {
+    masking: Masking,
     sampler: Sampler,
     samples: SampleTile,
     /// Pixels of the sub-block and weights of the view last sampled.
@@ -30,6 +32,7 @@ pub(super) struct Colouring {
 impl Colouring {
     pub(super) fn new(scene: &Scene) -> Self {
         Self {
+            masking: Masking::default(),
             sampler: Sampler::default(),
             samples: SampleTile::new(),
             pixels: Vec::new(),
@@ -72,6 +75,9 @@ impl Colouring {
             for view in &mut *views {
                 let photo = &scene.photos[view.photo];
                 view.tile.view(surface, &scene.mosaic, &photo.view, view.points.seen_in(k));
+                if let Some(masks) = &scene.masks {
+                    self.masking.apply(masks, photo.index.into(), &mut view.tile.points)?;
+                }
                 if view.tile.points.is_empty() {
                     continue;
                 }

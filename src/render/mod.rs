@@ -9,6 +9,7 @@
 
 mod budget;
 mod colour;
+mod masking;
 mod scene;
 mod tile;
 

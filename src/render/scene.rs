@@ -38,6 +38,9 @@ pub struct Scene {
     pub mesh: MeshStore,
     /// The photos' pixels.
     pub pixels: PhotoStore,
+    /// The masks of the photos that have one, under the photos' numbers: a point whose position lies on a 0 is not
+    /// seen by the photo. `None`: there are no masks.
+    pub masks: Option<PhotoStore>,
     /// The photos' orientations.
     pub photos: Vec<ScenePhoto>,
     /// How photos are sampled.

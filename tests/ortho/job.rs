@@ -47,6 +47,7 @@ pub(super) fn open(test: &TestScene, folder: &Path, cameras: &CameraSet) -> Scen
         photos: photos.map(|(p, k)| ScenePhoto::new(k, p, origin, 1.0)).collect(),
         mesh,
         pixels: PhotoStore::open(entries, 16 << 20).unwrap(),
+        masks: None,
         interpolation: Interpolation::Bicubic,
         blend: BlendSettings {
             colour: Colour::Rgb,

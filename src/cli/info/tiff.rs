@@ -30,6 +30,7 @@ pub(super) fn describe(path: &Path) -> Result<String> {
     let mut decoder = Decoder::new(BufReader::new(file)).map_err(fault)?;
     let mut lines = vec![format!("{}: TIFF, {bytes} bytes", path.display())];
     lines.extend(image_lines(&mut decoder).map_err(fault)?);
+    lines.extend(profile_line(&mut decoder));
     lines.extend(place_lines(&mut decoder).map_err(fault)?);
     lines.extend(metadata_lines(&mut decoder).map_err(fault)?);
     lines.push(overview_line(path, &mut decoder)?);
@@ -77,6 +78,12 @@ fn image_lines(decoder: &mut Reader) -> std::result::Result<Vec<String>, TiffErr
         ),
         format!("{chunks}: {chunk_width} × {chunk_height}, {compression}"),
     ])
+}
+
+/// The colour profile's length, if there is one.
+fn profile_line(decoder: &mut Reader) -> Option<String> {
+    let profile = decoder.image_ifd().find_entry(Tag::IccProfile)?;
+    Some(format!("colour profile: ICC, {} bytes", profile.count()))
 }
 
 fn compression(code: u16) -> String {

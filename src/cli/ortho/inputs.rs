@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::super::config::Config;
+use super::masks::{self, Mask};
 use crate::camera::{CameraSet, Photo};
 use crate::geom::MeshSource;
 use crate::input::{open_mesh, read_cameras, shifted};
@@ -18,12 +19,14 @@ pub(super) struct Inputs {
     pub(super) cameras: CameraSet,
     /// The photos to use, by id.
     pub(super) photos: Vec<Photo>,
+    /// The masks of those that have one, by id.
+    pub(super) masks: Vec<Mask>,
     /// Photos that were chosen but cannot be used, by id.
     pub(super) left_out: Vec<LeftOut>,
 }
 
 impl Inputs {
-    /// Reads the cameras and the heads of the meshes.
+    /// Reads the cameras and the heads of the meshes and masks.
     pub(super) fn read(config: &Config) -> Result<Self> {
         let shift = DVec3::from_array(config.shift);
         let open = |path: &PathBuf| Ok(shifted(open_mesh(path)?, shift));
@@ -46,7 +49,8 @@ impl Inputs {
         if photos.is_empty() {
             return Err(Error::usage(no_photo(config, &cameras, &left_out)));
         }
-        Ok(Self { meshes, cameras, photos, left_out })
+        let masks = masks::find(config, &photos)?;
+        Ok(Self { meshes, cameras, photos, masks, left_out })
     }
 }
 

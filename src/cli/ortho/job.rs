@@ -11,12 +11,13 @@ use super::super::console;
 use super::choices;
 use super::inputs::Inputs;
 use super::precision;
+use super::profile::CommonProfile;
 use super::stores::Stores;
 use crate::batch::Manifest;
 use crate::camera::Photo;
 use crate::frame::{Mosaic, frame_toml};
 use crate::image::{Colour, Depth};
-use crate::output::{Georeference, Layer, Meaning, TileFormat, parse_crs};
+use crate::output::{Georeference, IccProfile, Layer, Meaning, TileFormat, parse_crs};
 use crate::plan::{Slab, check_meeting, check_pixels, default_extent, default_pixel_size};
 use crate::render::{self, Scene, ScenePhoto};
 use crate::report::LeftOut;
@@ -48,8 +49,8 @@ pub(super) struct Job {
 impl Job {
     /// Decides grid, colour, depth and layers.
     pub(super) fn plan(config: &Config, inputs: &Inputs, stores: Stores) -> Result<Self> {
-        let Stores { mesh, pixels, photos, left_out } = stores;
-        let warnings = precision::warnings(inputs, &mesh);
+        let Stores { mesh, pixels, masks, photos, left_out } = stores;
+        let mut warnings = precision::warnings(inputs, &mesh);
         let mosaic = grid(config, &mesh, &photos)?;
         let (colour, depth) = colour_and_depth(&pixels, &photos);
         let blend = render::BlendSettings {
@@ -68,8 +69,12 @@ impl Job {
             blend,
             tolerance_m,
         };
-        let settings = fingerprint(&mosaic, &mesh, &pixels, &photos, &rendering);
-        let manifest = manifest(config, inputs, &mosaic, &rendering, settings)?;
+        let stores = (&mesh, &pixels, masks.as_ref());
+        let settings = fingerprint(&mosaic, stores, &photos, &rendering);
+        let common = CommonProfile::of(&config.photos, &photos, colour)?;
+        warnings.extend(common.warnings);
+        let profile = common.profile.map(IccProfile::new);
+        let manifest = manifest(config, inputs, &mosaic, &rendering, (profile, settings))?;
         let origin = mesh.origin();
         let scene = Scene {
             mosaic: mosaic.local(origin),
@@ -79,6 +84,7 @@ impl Job {
                 .collect::<Result<_>>()?,
             mesh,
             pixels,
+            masks,
             interpolation: rendering.interpolation,
             blend,
             names: inputs.cameras.names.len(),
@@ -151,8 +157,7 @@ fn scene_photo(photo: &Photo, origin: DVec3, pixels: &PhotoStore, to: Depth) -> 
 /// Identifies everything that decides a pixel: version, inputs and settings. Debug forms of f64 read back to the same bits.
 fn fingerprint(
     mosaic: &Mosaic,
-    mesh: &MeshStore,
-    pixels: &PhotoStore,
+    (mesh, pixels, masks): (&MeshStore, &PhotoStore, Option<&PhotoStore>),
     photos: &[Photo],
     rendering: &Rendering,
 ) -> String {
@@ -160,6 +165,10 @@ fn fingerprint(
     let mut text = format!("{version}\n{}\n{:?}\n{rendering:?}\n", frame_toml(mosaic), mesh.key());
     let photo_line = |p: &Photo| format!("{p:?} {:?}\n", pixels.fingerprint(p.id.0 as usize));
     text.extend(photos.iter().map(photo_line));
+    if let Some(masks) = masks {
+        let masked = photos.iter().map(|p| p.id.0 as usize).filter(|&k| masks.has(k));
+        text.extend(masked.map(|k| format!("mask {k} {:?}\n", masks.fingerprint(k))));
+    }
     format!("{:032x}", xxh3_128(text.as_bytes()))
 }
 
@@ -168,13 +177,17 @@ fn manifest(
     inputs: &Inputs,
     mosaic: &Mosaic,
     rendering: &Rendering,
-    settings: String,
+    (profile, settings): (Option<IccProfile>, String),
 ) -> Result<Manifest> {
     let epsg = mosaic.plane.crs.as_deref().map(parse_crs).transpose()?;
     let [origin_u, _, _, origin_v] = mosaic.extent;
     let georeference = Georeference { origin_u, origin_v, pixel_size: mosaic.pixel_size, epsg };
     let frame = frame_toml(mosaic);
-    let mut layers = vec![Layer::mosaic(rendering.blend.colour, rendering.blend.depth)];
+    let colours = Layer::mosaic(rendering.blend.colour, rendering.blend.depth);
+    let mut layers = vec![match profile {
+        Some(profile) => colours.with_profile(profile),
+        None => colours,
+    }];
     layers.extend(config.layers.iter().filter_map(|&meaning| Layer::of(meaning)));
     let with_items = |layer: Layer| {
         let layer = layer.with_item("GROUNDEL_FRAME", frame.clone());

@@ -3,8 +3,10 @@
 mod choices;
 mod inputs;
 mod job;
+mod masks;
 mod outputs;
 mod precision;
+mod profile;
 mod reporting;
 mod run;
 mod stores;

@@ -28,7 +28,8 @@ pub(super) fn check(config: &Config, inputs: &Inputs) -> Result<()> {
         return Err(Error::usage(format!("--work {work}: expected a folder, found a file")));
     }
     let photos = inputs.photos.iter().map(|photo| config.photos.join(&photo.name));
-    let read: Vec<PathBuf> = config.meshes.iter().cloned().chain(photos).collect();
+    let masks = inputs.masks.iter().map(|mask| mask.source.path.clone());
+    let read: Vec<PathBuf> = config.meshes.iter().cloned().chain(photos).chain(masks).collect();
     for file in files.iter().filter_map(|file| fs::canonicalize(file).ok()) {
         if let Some(input) = read.iter().find(|i| fs::canonicalize(i).is_ok_and(|i| i == file)) {
             let input = input.display();

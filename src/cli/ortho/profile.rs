@@ -131,7 +131,9 @@ mod tests {
         assert_eq!(found.profile, None);
         assert_eq!(
             found.warnings,
-            ["the photos' colour profiles differ (0.jpg: one of 200 bytes, 2.jpg: one of 200 bytes), the mosaic carries none"]
+            [
+                "the photos' colour profiles differ (0.jpg: one of 200 bytes, 2.jpg: one of 200 bytes), the mosaic carries none"
+            ]
         );
         let found = conclude(&[Profile::Missing, a], Colour::Rgb);
         assert!(found.warnings[0].contains("(0.jpg: none, 1.jpg: one of 200 bytes)"));

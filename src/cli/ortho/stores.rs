@@ -3,14 +3,17 @@
 use super::super::config::Config;
 use super::super::progress::Progress;
 use super::inputs::Inputs;
+use super::masks::Mask;
 use crate::camera::Photo;
 use crate::geom::Size;
 use crate::render::Budget;
 use crate::report::LeftOut;
 use crate::store::mesh::{BuildStage, MeshBuild, MeshStore};
-use crate::store::photo::{PhotoSource, PhotoStore, Preparation, prepare_photos};
+use crate::store::photo::{PhotoSource, PhotoStore, Preparation, prepare_masks, prepare_photos};
 use crate::{Error, Result};
 
+/// The part of the photos' cache that masks get, where there are any: they compress to little, and decode fast.
+const MASK_SHARE: u64 = 8;
 /// Sides that differ by one factor agree to this part of a pixel.
 const FACTOR_SLACK_PX: f64 = 1.0;
 
@@ -19,6 +22,8 @@ const FACTOR_SLACK_PX: f64 = 1.0;
 pub(super) struct Stores {
     pub(super) mesh: MeshStore,
     pub(super) pixels: PhotoStore,
+    /// The masks of those of the photos that have one.
+    pub(super) masks: Option<PhotoStore>,
     /// The photos in the store, by id.
     pub(super) photos: Vec<Photo>,
     /// The photos that were chosen but could not be used, by name.
@@ -94,9 +99,37 @@ impl Stores {
         if photos.is_empty() {
             return Err(Error::usage(none_usable(config, &left_out, &sizes)));
         }
-        let pixels = PhotoStore::open(entries, budget.photo_bytes)?;
-        Ok(Self { mesh, pixels, photos, left_out })
+        let masks = build_masks(config, inputs, &photos, budget)?;
+        let mask_bytes = if masks.is_some() { budget.photo_bytes / MASK_SHARE } else { 0 };
+        let pixels = PhotoStore::open(entries, budget.photo_bytes - mask_bytes)?;
+        Ok(Self { mesh, pixels, masks, photos, left_out })
     }
+}
+
+/// Builds the tile stores of the masks of `photos`, or opens those that are there; `None` if there are no masks.
+fn build_masks(
+    config: &Config,
+    inputs: &Inputs,
+    photos: &[Photo],
+    budget: &Budget,
+) -> Result<Option<PhotoStore>> {
+    if config.masks.is_none() {
+        return Ok(None);
+    }
+    let is_used = |mask: &&Mask| photos.iter().any(|p| p.id.0 == mask.photo);
+    let masks: Vec<_> = inputs.masks.iter().filter(is_used).collect();
+    let sources: Vec<_> = masks.iter().map(|mask| mask.source.clone()).collect();
+    let folder = config.work.join("masks");
+    let preparation =
+        Preparation { folder: &folder, budget_bytes: budget.decode_bytes, threads: config.threads };
+    let progress = Progress::start("mask store", "masks", sources.len() as u64, config.quiet);
+    let prepared = prepare_masks(&sources, &preparation, &|_| progress.add(1));
+    progress.finish();
+    let entries = masks
+        .iter()
+        .zip(prepared?)
+        .map(|(mask, tiles)| (mask.photo as usize, tiles.path().to_path_buf()));
+    PhotoStore::open(entries, budget.photo_bytes / MASK_SHARE).map(Some)
 }
 
 /// How far the whole building is, when `done` of `total` of a stage are done. The faces take most of the time.

@@ -11,6 +11,7 @@ mod decode;
 mod header;
 mod jpeg;
 mod limits;
+mod mask;
 mod png;
 mod profile;
 #[cfg(test)]
@@ -20,4 +21,5 @@ mod tiff;
 pub use decode::{Rows, decode_photo};
 pub use header::{PhotoFormat, PhotoHeader, read_photo_header};
 pub use jpeg::JpegCoding;
+pub use mask::{decode_mask, read_mask_header};
 pub use profile::{MAX_PROFILE_BYTES, Profile, profile_channels, read_profile};

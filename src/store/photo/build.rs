@@ -13,7 +13,7 @@ use super::files::PositionedFile;
 use super::format::{ENTRY_BYTES, Entry, HEADER_BYTES, Header, Shape, VERSION, tile_crc};
 use super::pyramid::Pyramid;
 use crate::geom::Size;
-use crate::input::photo::{JpegCoding, PhotoFormat, PhotoHeader, decode_photo};
+use crate::input::photo::{JpegCoding, PhotoFormat, PhotoHeader, Rows, decode_mask, decode_photo};
 use crate::{Error, Result};
 
 /// How the names of unfinished store files begin.
@@ -59,6 +59,27 @@ impl PhotoFingerprint {
     }
 }
 
+/// What a store file is made from a picture for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Content {
+    /// A photo: its samples.
+    Photo,
+    /// A mask: 0 or 255, one channel.
+    Mask,
+}
+
+impl Content {
+    /// The shape of the pyramid of a picture.
+    fn shape(self, header: &PhotoHeader) -> Shape {
+        match self {
+            Self::Photo => {
+                Shape { size: header.size, channels: header.channels, bits: header.bits }
+            }
+            Self::Mask => Shape { size: header.size, channels: 1, bits: 8 },
+        }
+    }
+}
+
 /// A photo's store file: its pyramid in tiles.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PhotoTiles {
@@ -80,11 +101,25 @@ impl PhotoTiles {
         fingerprint: PhotoFingerprint,
         store: &Path,
     ) -> Result<Self> {
-        let shape = Shape { size: header.size, channels: header.channels, bits: header.bits };
-        if header.bits == 16 {
-            Builder::<u16>::new(shape, store)?.build(photo, header, fingerprint)
-        } else {
-            Builder::<u8>::new(shape, store)?.build(photo, header, fingerprint)
+        Self::build_of(Content::Photo, photo, header, fingerprint, store)
+    }
+
+    /// Like [`Self::build`], for any content.
+    pub(super) fn build_of(
+        content: Content,
+        picture: &Path,
+        header: &PhotoHeader,
+        fingerprint: PhotoFingerprint,
+        store: &Path,
+    ) -> Result<Self> {
+        let shape = content.shape(header);
+        match content {
+            Content::Photo if shape.bits == 16 => Builder::<u16>::new(shape, store)?
+                .build(fingerprint, |sink| decode_photo(picture, header, sink)),
+            Content::Photo => Builder::<u8>::new(shape, store)?
+                .build(fingerprint, |sink| decode_photo(picture, header, sink)),
+            Content::Mask => Builder::<u8>::new(shape, store)?
+                .build(fingerprint, |sink| decode_mask(picture, header, sink)),
         }
     }
 
@@ -248,18 +283,18 @@ impl<S: Sample> Builder<S> {
         Ok(Self { shape, store: store.to_path_buf(), file, pyramid, tiles: writer })
     }
 
+    /// Cuts the rows that `decode` hands over into tiles.
     fn build(
         self,
-        photo: &Path,
-        header: &PhotoHeader,
         fingerprint: PhotoFingerprint,
+        decode: impl FnOnce(&mut dyn FnMut(Rows<'_>) -> Result<()>) -> Result<()>,
     ) -> Result<PhotoTiles> {
         let Self { shape, store, mut file, mut pyramid, mut tiles } = self;
         let mut sink = |tile, view: super::codec::TileView<'_, S>| {
             let ordinal = shape.ordinal(tile);
             tiles.write(ordinal, view, &mut file, &store)
         };
-        decode_photo(photo, header, &mut |rows| {
+        decode(&mut |rows| {
             let rows = S::rows(rows).expect("the type of samples follows from the header");
             pyramid.push(rows, &mut sink)
         })?;

@@ -1,7 +1,7 @@
 //! The photo tile store: every photo once decoded, with its pyramid, in tiles, behind [`PhotoStore::window`].
 //!
 //! In: photo files. Out: one immutable file a photo ([`PhotoTiles`]), and windows of any level of any photo from
-//! them. Promises: a window's samples are those of a full decode, whatever the cache, the threads and the order of
+//! them; masks likewise, as photos of one channel. Promises: a window's samples are those of a full decode, whatever the cache, the threads and the order of
 //! requests; decoded tiles stay within a budget; a store file that is cut, foreign, stale or damaged is an error or
 //! is rebuilt ([`prepare_photos`]), never misread. It does not colour-correct, rotate or undistort anything.
 //!
@@ -42,5 +42,5 @@ mod reader;
 mod tests;
 
 pub use build::{PhotoFingerprint, PhotoTiles, working_bytes};
-pub use prepare::{LeftOut, PhotoSource, Preparation, Progress, prepare_photos};
+pub use prepare::{LeftOut, PhotoSource, Preparation, Progress, prepare_masks, prepare_photos};
 pub use reader::{CacheStatistics, PhotoStore};

@@ -7,9 +7,9 @@ use std::sync::{Condvar, Mutex, PoisonError};
 
 use xxhash_rust::xxh3::xxh3_128;
 
-use super::build::{PhotoFingerprint, PhotoTiles, UNFINISHED_PREFIX, working_bytes};
+use super::build::{Content, PhotoFingerprint, PhotoTiles, UNFINISHED_PREFIX, working_bytes};
 use crate::geom::Size;
-use crate::input::photo::{PhotoHeader, read_photo_header};
+use crate::input::photo::{PhotoHeader, read_mask_header, read_photo_header};
 use crate::{Error, Result};
 
 /// A photo to prepare.
@@ -72,6 +72,29 @@ pub fn prepare_photos(
     preparation: &Preparation<'_>,
     progress: &(dyn Fn(Progress) -> Result<()> + Sync),
 ) -> Result<Vec<Outcome>> {
+    prepare(Content::Photo, sources, preparation, progress)
+}
+
+/// Like [`prepare_photos`], for masks: stores of one channel, 0 where a photo is not to be used, else 255. They need a
+/// folder of their own. None can be left out.
+///
+/// # Errors
+/// As [`prepare_photos`], and what is wrong with the first mask that is missing, broken, no PNG or of another size.
+pub fn prepare_masks(
+    sources: &[PhotoSource],
+    preparation: &Preparation<'_>,
+    progress: &(dyn Fn(Progress) -> Result<()> + Sync),
+) -> Result<Vec<PhotoTiles>> {
+    let outcomes = prepare(Content::Mask, sources, preparation, progress)?;
+    outcomes.into_iter().map(|outcome| outcome.map_err(|left_out| left_out.reason)).collect()
+}
+
+fn prepare(
+    content: Content,
+    sources: &[PhotoSource],
+    preparation: &Preparation<'_>,
+    progress: &(dyn Fn(Progress) -> Result<()> + Sync),
+) -> Result<Vec<Outcome>> {
     let folder = preparation.folder;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let _lock = lock(folder)?;
@@ -82,7 +105,7 @@ pub fn prepare_photos(
         progress(Progress { done, total: sources.len() })
     };
     let surveyed = in_parallel(sources.len(), preparation.threads, &Budget::unlimited(), |i| {
-        let survey = survey(&sources[i], folder)?;
+        let survey = survey(content, &sources[i], folder)?;
         if matches!(survey, Survey::Known(_)) {
             report()?;
         }
@@ -105,7 +128,8 @@ pub fn prepare_photos(
     let built = in_parallel(works.len(), preparation.threads, &budget, |i| {
         let (number, work) = &works[i];
         let path = &sources[*number].path;
-        let built = PhotoTiles::build(path, &work.header, work.fingerprint, &work.store);
+        let built =
+            PhotoTiles::build_of(content, path, &work.header, work.fingerprint, &work.store);
         let outcome = left_out_or_fatal(built, path)?;
         report()?;
         Ok(outcome)
@@ -150,8 +174,12 @@ struct Work {
     store: PathBuf,
 }
 
-fn survey(source: &PhotoSource, folder: &Path) -> Result<Survey> {
-    let header = match left_out_or_fatal(read_photo_header(&source.path), &source.path)? {
+fn survey(content: Content, source: &PhotoSource, folder: &Path) -> Result<Survey> {
+    let header = match content {
+        Content::Photo => read_photo_header(&source.path),
+        Content::Mask => read_mask_header(&source.path),
+    };
+    let header = match left_out_or_fatal(header, &source.path)? {
         Ok(header) => header,
         Err(left_out) => return Ok(Survey::Known(Err(left_out))),
     };

@@ -1,0 +1,86 @@
+//! [`Masking`]: the points of a photo that its mask hides.
+
+use crate::Result;
+use crate::geom::{PixelRect, Size};
+use crate::image::{Image, Samples, Window};
+use crate::store::photo::PhotoStore;
+use crate::visibility::ViewPoint;
+
+/// Largest window, pixels: points that lie farther apart are looked up in parts.
+const WINDOW_AREA: usize = 4 * 256 * 256;
+
+/// Drops hidden points, reusing its memory.
+#[derive(Debug)]
+pub(super) struct Masking {
+    window: Window,
+    is_used: Vec<bool>,
+}
+
+impl Default for Masking {
+    fn default() -> Self {
+        let samples = Samples::U8(Image::filled(Size::new(0, 0), 1, 0));
+        let window = Window { level: 0, rect: PixelRect::default(), samples };
+        Self { window, is_used: Vec::new() }
+    }
+}
+
+impl Masking {
+    /// Keeps those of `points` for which the mask of photo `k` is not 0 in the pixel that holds their position:
+    /// ⌊x⌋, ⌊y⌋. All stay if the photo has no mask.
+    ///
+    /// # Errors
+    /// Those of reading the masks.
+    pub(super) fn apply(
+        &mut self,
+        masks: &PhotoStore,
+        k: usize,
+        points: &mut Vec<ViewPoint>,
+    ) -> Result<()> {
+        if !masks.has(k) {
+            return Ok(());
+        }
+        self.is_used.clear();
+        self.look_up(masks, k, points)?;
+        let mut is_used = self.is_used.iter();
+        points.retain(|_| is_used.next().copied().unwrap_or(true));
+        Ok(())
+    }
+
+    /// Appends whether each of `points` is used: from one window, or by halves where that would be too large.
+    fn look_up(&mut self, masks: &PhotoStore, k: usize, points: &[ViewPoint]) -> Result<()> {
+        let size = masks.level_size(k, 0);
+        let Some(rect) = bounds(points, size) else { return Ok(()) };
+        if rect.area() > WINDOW_AREA && points.len() > 1 {
+            let (first, second) = points.split_at(points.len() / 2);
+            self.look_up(masks, k, first)?;
+            return self.look_up(masks, k, second);
+        }
+        masks.window_into(k, 0, rect, &mut self.window)?;
+        // A mask has one channel of 8 bits.
+        let Samples::U8(mask) = &self.window.samples else { return Ok(()) };
+        let width = rect.width();
+        self.is_used.extend(points.iter().map(|point| {
+            let [x, y] = pixel_of(point, size);
+            let at = |v: i64, from: i64| usize::try_from(v - from).unwrap_or(0);
+            mask.data()[at(y, rect.y0) * width + at(x, rect.x0)] != 0
+        }));
+        Ok(())
+    }
+}
+
+/// The rectangle of the pixels that hold the points; `None` without points.
+fn bounds(points: &[ViewPoint], size: Size) -> Option<PixelRect> {
+    let mut pixels = points.iter().map(|point| pixel_of(point, size));
+    let [x, y] = pixels.next()?;
+    let first = PixelRect::new(x, y, x + 1, y + 1);
+    Some(pixels.fold(first, |r, [x, y]| {
+        PixelRect::new(r.x0.min(x), r.y0.min(y), r.x1.max(x + 1), r.y1.max(y + 1))
+    }))
+}
+
+/// The pixel that holds a point's position. Rounding may have moved the position to the frame's edge; it stays inside.
+#[expect(clippy::cast_possible_truncation, reason = "positions lie in the frame")]
+fn pixel_of(point: &ViewPoint, size: Size) -> [i64; 2] {
+    let inside = |v: f64, side: u32| (v.floor() as i64).clamp(0, i64::from(side) - 1);
+    [inside(point.position.x, size.width), inside(point.position.y, size.height)]
+}
