@@ -1,4 +1,7 @@
 //! [`Masking`]: the points of a photo that its mask hides.
+//!
+//! A point is hidden or not by the one pixel of the mask that holds its position. A point that is not hidden is sampled
+//! as ever: its kernel may reach over the mask's border, and a coarser level's pixels are means of both sides.
 
 use crate::Result;
 use crate::geom::{PixelRect, Size};

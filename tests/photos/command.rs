@@ -12,7 +12,7 @@ use serde_json::Value;
 use tiff::decoder::{Decoder, DecodingResult};
 
 /// Layers written by every run.
-pub(crate) const LAYERS: &str = "count,used,best";
+pub(crate) const LAYERS: &str = "elevation,count,used,best";
 
 /// Writes `test` as a project into a new folder.
 pub(crate) fn project(test: &TestScene) -> tempfile::TempDir {
@@ -84,6 +84,15 @@ pub(crate) fn samples(path: &Path) -> (Vec<u16>, u32) {
         DecodingResult::U16(v) => (v, 16),
         other => panic!("{other:?}"),
     }
+}
+
+/// The elevation layer.
+pub(crate) fn elevations(path: &Path) -> Vec<f32> {
+    let mut decoder = Decoder::new(BufReader::new(File::open(path).unwrap())).unwrap();
+    let DecodingResult::F32(elevations) = decoder.read_image().unwrap() else {
+        panic!("{}: no elevations", path.display())
+    };
+    elevations
 }
 
 /// A photo as groundel decodes it: size, channels, bits and samples.

@@ -93,7 +93,7 @@ fn a_profile_that_all_photos_carry_is_the_mosaic_s() {
     let folder = project(&test);
     let profile = profile(5);
     add_profiles(&test, folder.path(), &profile);
-    let flags = ["--tile-size", "64"];
+    let flags = ["--tile-size", "16"];
     let mosaic = done(folder.path(), "out", &flags);
     assert_eq!(report(&mosaic)["warnings"], json!([]));
     let found = in_directories(&mosaic);

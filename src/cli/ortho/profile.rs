@@ -101,9 +101,9 @@ impl Survey {
 mod tests {
     use super::*;
 
-    fn profile(device: &[u8; 4], mark: u8) -> Profile {
+    fn profile(device: [u8; 4], mark: u8) -> Profile {
         let mut bytes = vec![mark; 200];
-        bytes[16..20].copy_from_slice(device);
+        bytes[16..20].copy_from_slice(&device);
         Profile::Found(bytes)
     }
 
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn a_profile_is_carried_if_all_agree() {
-        let rgb = || profile(b"RGB ", 1);
+        let rgb = || profile(*b"RGB ", 1);
         let found = conclude(&[rgb(), rgb(), rgb()], Colour::Rgb);
         assert!(found.profile.is_some() && found.warnings.is_empty());
         let none = conclude(&[Profile::Missing, Profile::Missing], Colour::Rgb);
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn the_first_two_that_differ_are_named_once() {
-        let (a, b) = (profile(b"RGB ", 1), profile(b"RGB ", 2));
+        let (a, b) = (profile(*b"RGB ", 1), profile(*b"RGB ", 2));
         let found = conclude(&[a.clone(), a.clone(), b.clone(), Profile::Missing], Colour::Rgb);
         assert_eq!(found.profile, None);
         assert_eq!(
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_profile_that_is_broken_or_for_other_channels_is_not_carried() {
-        let found = conclude(&[profile(b"GRAY", 1)], Colour::Rgb);
+        let found = conclude(&[profile(*b"GRAY", 1)], Colour::Rgb);
         assert_eq!(
             found.warnings,
             ["the photos' colour profile is not one for RGB (0.jpg), the mosaic carries none"]
