@@ -14,7 +14,7 @@ pub struct Budget {
     pub decode_bytes: u64,
     /// Pages of the mesh store that may stay mapped.
     pub mesh_bytes: u64,
-    /// Decoded photo tiles.
+    /// Decoded tiles of photos and masks.
     pub photo_bytes: u64,
     /// Points, cells, windows and samples of one rendering thread.
     pub block_bytes: u64,

@@ -100,6 +100,9 @@ fn tiles(config: &Config, job: &Job, budget: &Budget) -> Result<Vec<MemoryUse>> 
     let finished = done?.peak_bytes;
     let blocks = renderer.peak_bytes() * config.threads as u64;
     let scene = &job.scene;
+    // Those of masks counted.
+    let stores = [Some(&scene.pixels), scene.masks.as_ref()];
+    let photo_bytes = stores.into_iter().flatten().map(|s| s.statistics().peak_bytes).sum();
     let held = |consumer: &str, share_bytes, peak_bytes| MemoryUse {
         consumer: consumer.into(),
         share_bytes,
@@ -107,7 +110,7 @@ fn tiles(config: &Config, job: &Job, budget: &Budget) -> Result<Vec<MemoryUse>> 
     };
     Ok(vec![
         held("mesh store", budget.mesh_bytes, scene.mesh.held_bytes()),
-        held("photo tiles", budget.photo_bytes, scene.pixels.statistics().peak_bytes),
+        held("photo tiles", budget.photo_bytes, photo_bytes),
         held("blocks", budget.block_bytes * config.threads as u64, blocks),
         held("finished tiles", budget.output_bytes, finished),
     ])
