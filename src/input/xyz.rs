@@ -27,7 +27,7 @@ impl XyzMesh {
     /// Opens a text and counts its numbers, for which it is read once.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if it cannot be read; [`Error::Corrupt`] if a line holds neither nine numbers nor three, or
+    /// [`crate::Error::Io`] if it cannot be read; [`crate::Error::Corrupt`] if a line holds neither nine numbers nor three, or
     /// another count than the first, or if the last triangle is not whole; [`crate::Error::Limit`] for more triangles than
     /// 32 bits can number the vertices of.
     pub(in crate::input) fn open(path: &Path) -> Result<Self> {

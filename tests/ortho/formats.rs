@@ -64,7 +64,7 @@ fn stl_binary(triangles: &Triangles) -> Vec<u8> {
     bytes.extend(count(triangles.len()).to_le_bytes());
     for triangle in triangles {
         bytes.extend([0; 12]);
-        triangle.iter().for_each(|corner| bytes.extend(floats(*corner)));
+        bytes.extend(triangle.iter().flat_map(|corner| floats(*corner)));
         bytes.extend([0; 2]);
     }
     bytes
@@ -82,10 +82,10 @@ fn xyz(triangles: &Triangles) -> String {
 /// Half of the triangles in order, half by indices, in two primitives.
 fn glb(triangles: &Triangles) -> Vec<u8> {
     let (one, two) = triangles.split_at(triangles.len() / 2);
-    let mut buffer = Vec::new();
-    [one, two].concat().as_flattened().iter().for_each(|corner| buffer.extend(floats(*corner)));
+    let mut buffer: Vec<u8> = Vec::new();
+    buffer.extend(triangles.as_flattened().iter().flat_map(|corner| floats(*corner)));
     let index_start = buffer.len();
-    (0..count(3 * two.len())).for_each(|index| buffer.extend(index.to_le_bytes()));
+    buffer.extend((0..count(3 * two.len())).flat_map(u32::to_le_bytes));
     let mut json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[1]}}],
         "nodes":[{{"mesh":0}},{{"children":[0],"translation":[0,0,0]}}],

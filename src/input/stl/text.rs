@@ -21,7 +21,7 @@ impl StlText {
     /// Opens an STL file in text and counts its facets, for which it is read once.
     ///
     /// # Errors
-    /// [`crate::Error::Io`] if it cannot be read; [`Error::Corrupt`] if a facet has not three vertices or the text does not
+    /// [`crate::Error::Io`] if it cannot be read; [`crate::Error::Corrupt`] if a facet has not three vertices or the text does not
     /// end with `endsolid`; [`crate::Error::Limit`] for more facets than 32 bits can number the vertices of.
     pub(in crate::input) fn open(path: &Path) -> Result<Self> {
         let mut facets = Facets::open(path)?;

@@ -95,9 +95,10 @@ impl<'a> Words<'a> {
     fn find_word(&mut self) -> Result<Option<usize>> {
         loop {
             // 1. Past the blanks.
-            let syntax = self.syntax;
+            let (syntax, kinds) = (self.syntax, kinds(self.syntax));
+            let is_blank = |b: &u8| kinds[usize::from(*b)] == Kind::Blank;
             let bytes = self.reader.fill(WORD_LIMIT + 3)?;
-            let Some(blanks) = bytes.iter().position(|&b| !is_blank(b, syntax)) else {
+            let Some(blanks) = bytes.iter().position(|b| !is_blank(b)) else {
                 let all = bytes.len();
                 self.reader.consume(all);
                 if all == 0 {
@@ -117,7 +118,7 @@ impl<'a> Words<'a> {
                 _ => {}
             }
             let window = &bytes[..bytes.len().min(WORD_LIMIT + 1)];
-            let ends = |b: &u8| is_blank(*b, syntax) || *b == b'\n';
+            let ends = |b: &u8| kinds[usize::from(*b)] != Kind::Word;
             let length = window.iter().position(ends).unwrap_or(window.len());
             if length > WORD_LIMIT {
                 let expected = format!("a word of at most {WORD_LIMIT} bytes");
@@ -194,13 +195,34 @@ pub(in crate::input) fn shown(word: &[u8]) -> String {
     if word.len() > SHOWN_BYTES { format!("`{text}…`") } else { format!("`{text}`") }
 }
 
+/// What a byte is to a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Word,
+    Blank,
+    End,
+}
+
+/// The kind of each byte.
 #[inline]
-fn is_blank(byte: u8, syntax: Syntax) -> bool {
-    match byte {
-        b' ' | b'\t' | b'\r' | b'\x0b' | b'\x0c' => true,
-        b',' | b';' => syntax == Syntax::Separated,
-        _ => false,
+fn kinds(syntax: Syntax) -> &'static [Kind; 256] {
+    static PLAIN: [Kind; 256] = table(b" \t\r\x0b\x0c");
+    static SEPARATED: [Kind; 256] = table(b" \t\r\x0b\x0c,;");
+    match syntax {
+        Syntax::Plain | Syntax::Continued => &PLAIN,
+        Syntax::Separated => &SEPARATED,
     }
+}
+
+const fn table(blanks: &[u8]) -> [Kind; 256] {
+    let mut kinds = [Kind::Word; 256];
+    let mut k = 0;
+    while k < blanks.len() {
+        kinds[blanks[k] as usize] = Kind::Blank;
+        k += 1;
+    }
+    kinds[b'\n' as usize] = Kind::End;
+    kinds
 }
 
 /// The last two bytes of `before` and then `bytes`.
