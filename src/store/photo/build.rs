@@ -224,7 +224,9 @@ fn open_header(store: &Path) -> Result<(PositionedFile, Header)> {
 /// A JPEG needs its file and its decoded samples, a progressive one its coefficients (2 bytes each) too; a PNG,
 /// unless interlaced, only some rows; a TIFF some rows, or a row of tiles. A job must be allowed at least the greatest of its photos'. Stated and measured
 /// (peak resident memory of a process that builds one, itself included) in MiB: 100 Mpx sequential 335, 318;
-/// progressive 620, 602; a PNG of 24 Mpx 12, 12.
+/// progressive 620, 602; a PNG of 24 Mpx 12, 12;
+/// TIFFs of 100 Mpx in one strip of Deflate 19, 19, of Zstandard 147, 27 (its window may be that large), in tiles of
+/// 512 pixels of LZW 34, 34, of JPEG 35, 35.
 pub fn working_bytes(header: &PhotoHeader) -> u64 {
     let shape = Shape { size: header.size, channels: header.channels, bits: header.bits };
     let strips =
