@@ -17,9 +17,9 @@ fn grey(rgb: &[u16]) -> Vec<u8> {
 }
 
 /// Writes a picture under a name that ends in another format's ending.
-fn write_as(path: &Path, ending: &str, picture: Samples) {
+fn write_as(path: &Path, ending: &str, picture: &Samples) {
     let own = path.with_extension(ending);
-    write_picture(&own, &picture).unwrap();
+    write_picture(&own, picture).unwrap();
     std::fs::rename(own, path).unwrap();
 }
 
@@ -35,9 +35,9 @@ fn mix(paths: &[std::path::PathBuf]) {
         let Size { width, height } = size;
         let encoder = || TiffEncoder::new(File::create(path).unwrap()).unwrap();
         match k {
-            0 => write_as(path, "png", Samples::U8(Image::from_data(size, 1, grey(&rgb)))),
-            1 => write_as(path, "png", Samples::U16(Image::from_data(size, 3, wide))),
-            2 => write_as(path, "jpg", Samples::U8(Image::from_data(size, 3, narrow))),
+            0 => write_as(path, "png", &Samples::U8(Image::from_data(size, 1, grey(&rgb)))),
+            1 => write_as(path, "png", &Samples::U16(Image::from_data(size, 3, wide))),
+            2 => write_as(path, "jpg", &Samples::U8(Image::from_data(size, 3, narrow))),
             3 => encoder()
                 .with_compression(Compression::Lzw)
                 .write_image::<colortype::RGB8>(width, height, &narrow)
@@ -62,7 +62,7 @@ fn widen(paths: &[std::path::PathBuf]) {
             .chunks_exact(channels)
             .flat_map(|p| (0..3).map(move |c| p[c % channels] * gain))
             .collect();
-        write_as(path, "png", Samples::U16(Image::from_data(size, 3, wide)));
+        write_as(path, "png", &Samples::U16(Image::from_data(size, 3, wide)));
     }
 }
 
@@ -95,10 +95,10 @@ fn grey_photos_alone_make_a_grey_mosaic() {
     for shot in &test.shots {
         let path = folder.path().join("photos").join(&shot.name);
         let (size, _, _, rgb) = photo(&path);
-        write_as(&path, "png", Samples::U8(Image::from_data(size, 1, grey(&rgb))));
+        write_as(&path, "png", &Samples::U8(Image::from_data(size, 1, grey(&rgb))));
     }
     let (grey, bits) = samples(&done(folder.path(), "grey", &[]));
-    assert_eq!((bits, grey.len()), (8, 2 * test.plane.size().area() as usize));
+    assert_eq!((bits, grey.len() as u64), (8, 2 * test.plane.size().area()));
 }
 
 #[test]
