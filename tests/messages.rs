@@ -100,11 +100,47 @@ const CASES: &[Case] = &[
     spoilt("mesh of more faces than ids", |p| p.mesh_stating(3, 5_000_000_000, "0 0 0")),
     spoilt("mesh with NaN in use", |p| p.mesh(&["0 0 0", "1 nan 0", "0 1 0"], &["3 0 1 2"])),
     spoilt("mesh with a word for a number", |p| {
-        p.mesh(&["0 0 0", "1 one 0", "0 1 0"], &["3 0 1 2"])
+        p.mesh(&["0 0 0", "1 one 0", "0 1 0"], &["3 0 1 2"]);
     }),
     spoilt("mesh with an index out of range", |p| p.mesh(&CORNERS, &["3 0 1 2", "3 0 1 3"])),
     spoilt("mesh with a negative index", |p| p.mesh(&CORNERS, &["3 0 1 -1"])),
     spoilt("mesh with too short a line", |p| p.mesh(&["0 0 0", "1 0", "0 1 0"], &["3 0 1 2"])),
+    spoilt("OBJ with an index beyond its vertices", |p| {
+        p.write("mesh.ply", "v 0 0 0\nv 1 0 0\nf 1 2 3\n");
+    }),
+    spoilt("OBJ with a word for a number", |p| p.write("mesh.ply", "v 0 0 zero\nf 1 1 1\n")),
+    spoilt("binary STL cut short", |p| {
+        fs::write(p.path("mesh.stl"), [[0; 80].as_slice(), &[9, 0, 0, 0], &[0; 60]].concat())
+            .unwrap();
+        p.replace("project.toml", "mesh.ply", "mesh.stl");
+    }),
+    spoilt("ASCII STL without its last line", |p| {
+        p.write(
+            "mesh.ply",
+            "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n",
+        );
+    }),
+    spoilt("XYZ with eight numbers", |p| {
+        fs::write(p.path("mesh.xyz"), "0 0 0 1 0 0 0 1\n").unwrap();
+        p.replace("project.toml", "mesh.ply", "mesh.xyz");
+    }),
+    spoilt("GLB cut short", |p| {
+        fs::write(p.path("mesh.ply"), b"glTF\x02\0\0\0\x40\0\0\0").unwrap();
+    }),
+    spoilt("gzip cut short", |p| {
+        fs::write(p.path("mesh.ply"), [0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3, 75]).unwrap();
+    }),
+    flags("a shift that is not finite", &["--shift", "1,nan,0"]),
+    flags("masks missing", &["--masks", "none"]),
+    spoilt("no mask for any photo", |p| {
+        fs::create_dir(p.path("masks")).unwrap();
+        p.edit("project.toml", |text| [b"masks = \"masks\"\n".as_slice(), &text].concat());
+    }),
+    spoilt("a mask of the wrong size", |p| {
+        fs::create_dir(p.path("masks")).unwrap();
+        image::GrayImage::new(10, 10).save(p.path("masks/a.png")).unwrap();
+        p.edit("project.toml", |text| [b"masks = \"masks\"\n".as_slice(), &text].concat());
+    }),
     // Cameras.
     spoilt("cameras missing", |p| fs::remove_dir_all(p.path("sparse")).unwrap()),
     spoilt("cameras are a file", |p| {
@@ -114,31 +150,31 @@ const CASES: &[Case] = &[
     spoilt("cameras.txt missing", |p| fs::remove_file(p.path("sparse/cameras.txt")).unwrap()),
     spoilt("no oriented photo", |p| p.write("sparse/images.txt", "# nothing\n")),
     spoilt("a camera of an unknown model", |p| {
-        p.replace("sparse/cameras.txt", "OPENCV", "OPENEYE")
+        p.replace("sparse/cameras.txt", "OPENCV", "OPENEYE");
     }),
     spoilt("a camera with too few parameters", |p| {
-        p.write("sparse/cameras.txt", "1 PINHOLE 320 240 300 300 160\n")
+        p.write("sparse/cameras.txt", "1 PINHOLE 320 240 300 300 160\n");
     }),
     spoilt("a camera without a size", |p| {
-        p.write("sparse/cameras.txt", "1 PINHOLE 0 240 300 300 160 120\n")
+        p.write("sparse/cameras.txt", "1 PINHOLE 0 240 300 300 160 120\n");
     }),
     spoilt("a photo of no camera", |p| {
-        p.write("sparse/images.txt", "1 1 0 0 0 0 0 0 77 a.png\n\n")
+        p.write("sparse/images.txt", "1 1 0 0 0 0 0 0 77 a.png\n\n");
     }),
     spoilt("a photo without a rotation", |p| {
-        p.write("sparse/images.txt", "1 0 0 0 0 0 0 0 1 a.png\n\n")
+        p.write("sparse/images.txt", "1 0 0 0 0 0 0 0 1 a.png\n\n");
     }),
     spoilt("a photo whose pose is not finite", |p| {
-        p.write("sparse/images.txt", "1 1 0 0 0 inf 0 0 1 a.png\n\n")
+        p.write("sparse/images.txt", "1 1 0 0 0 inf 0 0 1 a.png\n\n");
     }),
     spoilt("a photo outside the folder", |p| {
-        p.write("sparse/images.txt", "1 1 0 0 0 0 0 0 1 ../../secret.png\n\n")
+        p.write("sparse/images.txt", "1 1 0 0 0 0 0 0 1 ../../secret.png\n\n");
     }),
     spoilt("a photo name not in UTF-8", |p| {
         fs::write(p.path("sparse/images.txt"), b"1 1 0 0 0 0 0 0 1 \xff.png\n\n").unwrap();
     }),
     spoilt("a photo with an absolute name", |p| {
-        p.write("sparse/images.txt", "1 1 0 0 0 0 0 0 1 /etc/passwd\n\n")
+        p.write("sparse/images.txt", "1 1 0 0 0 0 0 0 1 /etc/passwd\n\n");
     }),
     // Photos.
     spoilt("photos missing", |p| fs::remove_dir_all(p.path("photos")).unwrap()),
@@ -178,11 +214,11 @@ const CASES: &[Case] = &[
     // The project file.
     spoilt("project file missing", |p| fs::remove_file(p.path("project.toml")).unwrap()),
     spoilt("project file with an unknown key", |p| {
-        p.replace("project.toml", "photos = ", "fotos = ")
+        p.replace("project.toml", "photos = ", "fotos = ");
     }),
     spoilt("project file that is no TOML", |p| p.write("project.toml", "mesh = [\n")),
     spoilt("project file not in UTF-8", |p| {
-        fs::write(p.path("project.toml"), b"out = \"\xff\"\n").unwrap()
+        fs::write(p.path("project.toml"), b"out = \"\xff\"\n").unwrap();
     }),
     // Outputs.
     spoilt("output is a folder", |p| fs::create_dir(p.path("mosaic.tif")).unwrap()),
@@ -269,11 +305,11 @@ fn told(case: &Case, good: &Path, folder: &Path) -> String {
     let after = fs::read_dir(folder).unwrap().count();
     let work = usize::from(folder.join(".groundel").exists());
     assert_eq!(after, before + work, "{}", case.name);
-    format!(
-        "{}\n  {code}\n{}",
-        case.name,
-        said.lines().map(|l| format!("  {l}\n")).collect::<String>()
-    )
+    format!("{}\n  {code}\n{}", case.name, indented(&said))
+}
+
+fn indented(lines: &str) -> String {
+    lines.lines().flat_map(|line| ["  ", line, "\n"]).collect()
 }
 
 #[test]
