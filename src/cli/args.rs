@@ -34,7 +34,7 @@ pub struct Args {
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 done, but photos had to be left out (each is named); 2 bad input or usage;
-3 over budget, nothing begun; 4 I/O error, a retry may help.";
+3 over budget, nothing begun; 4 I/O error or interrupted, a retry may help.";
 
 const PROJECT_HELP: &str = "\
 A project file holds the same words in snake_case (pixel_size = 0.002, mesh = [\"a.ply\"]), paths relative
