@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use groundel::batch::{Manifest, PartReader};
 use groundel::geom::{PixelRect, TriangleChunk};
-use groundel::input::photo::{decode_photo, read_photo_header, read_profile};
+use groundel::input::photo::{
+    decode_mask, decode_photo, read_mask_header, read_photo_header, read_profile,
+};
 use groundel::input::{Project, open_mesh, read_cameras, read_frame};
 use groundel::store::mesh::{MeshStore, PartitionBuffer};
 use groundel::store::photo::{PhotoStore, working_bytes};
@@ -58,7 +60,7 @@ pub(crate) fn cameras(folder: &Path) -> Result<u64> {
     Ok(digest.finish())
 }
 
-/// A photo: header, colour profile, pixels.
+/// A photo: header, colour profile, pixels; the same file as a mask, if it may be one.
 pub(crate) fn photo(path: &Path) -> Result<u64> {
     let header = read_photo_header(path)?;
     let mut digest = Digest::new();
@@ -77,6 +79,12 @@ pub(crate) fn photo(path: &Path) -> Result<u64> {
         digest.write(format!("{rows:?}").as_bytes());
         Ok(())
     })?;
+    if let Ok(header) = read_mask_header(path) {
+        decode_mask(path, &header, &mut |rows| {
+            digest.write(format!("{rows:?}").as_bytes());
+            Ok(())
+        })?;
+    }
     Ok(digest.finish())
 }
 
