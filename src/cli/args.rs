@@ -131,6 +131,12 @@ pub struct DemoArgs {
     /// Write mesh, photos, cameras and project file, and render nothing
     #[arg(long)]
     pub inputs_only: bool,
+    /// A street of N façades side by side, the faces spread over all; only with --inputs-only
+    #[arg(long, value_name = "N", requires = "inputs_only", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub houses: Option<u32>,
+    /// N photos of 24 megapixels, ten to a façade, which share four picture files; only with --inputs-only
+    #[arg(long, value_name = "N", requires = "inputs_only", value_parser = clap::value_parser!(u32).range(1..=60_000))]
+    pub photos: Option<u32>,
     /// Memory cap of the process, at least 256MiB [default: half of the physical memory]
     #[arg(long, value_name = "SIZE", value_parser = values::memory)]
     pub memory: Option<u64>,

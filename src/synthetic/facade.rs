@@ -10,6 +10,9 @@ use super::{Figure, Opening, Part, Placement, Scene, SceneBuilder, Texture};
 /// Width and height of the façade, metres.
 pub const FACADE_SIZE: [f64; 2] = [7.4, 5.5];
 
+/// From one façade of a row to the next, metres: their cornices do not touch.
+pub const HOUSE_STEP_M: f64 = 7.7;
+
 /// Top of the plinth, on which the columns stand.
 const FLOOR: f64 = 0.5;
 /// Front of the recessed wall.
@@ -28,15 +31,28 @@ const BAYS: [[f64; 2]; 4] = [[0.42, 1.79], [2.10, 3.47], [3.78, 5.15], [5.46, 6.
 /// Solids stand in one another by a centimetre or so, as a scan's surface does not: each of them is closed or
 /// ends within another, so that no ray passes between them.
 pub fn facade(placement: Placement, texture: Texture) -> Scene {
+    row_of_facades(1, placement, texture)
+}
+
+/// `houses` façades side by side along x, [`HOUSE_STEP_M`] from one to the next; the first is [`facade()`].
+pub fn row_of_facades(houses: u32, placement: Placement, texture: Texture) -> Scene {
     let mut b = SceneBuilder::new();
-    plinth(&mut b);
-    recessed_wall(&mut b);
-    arcade(&mut b);
-    for pair in BAYS.windows(2) {
-        column(&mut b, 0.5 * (pair[0][1] + pair[1][0]));
+    for house in 0..houses.max(1) {
+        b.moved_by(DVec3::X * (HOUSE_STEP_M * f64::from(house)));
+        add_facade(&mut b);
     }
-    cornice(&mut b);
     b.build(placement, texture)
+}
+
+/// Adds one façade, where the builder stands.
+fn add_facade(b: &mut SceneBuilder) {
+    plinth(b);
+    recessed_wall(b);
+    arcade(b);
+    for pair in BAYS.windows(2) {
+        column(b, 0.5 * (pair[0][1] + pair[1][0]));
+    }
+    cornice(b);
 }
 
 /// The plinth, a step before it in the two bays on the right, and the hall's floor.

@@ -95,8 +95,8 @@ impl FacadeSet {
         PlaneSpec::of_scene(&self.placement, self.pixel_size, self.extent)
     }
 
-    /// The seven shots, through one lens with the distortion of a common wide-angle.
-    pub fn shots(&self) -> Vec<Shot> {
+    /// The camera of all photos: one lens with the distortion of a common wide-angle.
+    pub fn camera(&self) -> CameraSpec {
         let (width, height) = (f64::from(self.photo.width), f64::from(self.photo.height));
         let focal = 0.83 * width;
         let params = vec![
@@ -109,7 +109,12 @@ impl FacadeSet {
             0.000_9,
             -0.000_7,
         ];
-        let camera = CameraSpec { model: LensModel::OpenCv, size: self.photo, params };
+        CameraSpec { model: LensModel::OpenCv, size: self.photo, params }
+    }
+
+    /// The seven shots.
+    pub fn shots(&self) -> Vec<Shot> {
+        let camera = self.camera();
         let views = VIEWS.iter().zip(1..);
         views
             .map(|((centre, target, roll), k)| {

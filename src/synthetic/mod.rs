@@ -6,7 +6,7 @@
 //! - [`Caster`] and [`photograph()`]: photographs by exact rays through an exact lens;
 //! - [`scenes`]: a [`TestScene`] for each way in which an orthoimage goes wrong;
 //! - [`Oracle`]: brute-force answers to what a mosaic pixel shows and which photos see it;
-//! - [`FacadeSet`] and the functions that write a project's files;
+//! - [`FacadeSet`], [`StreetSet`] and the functions that write a project's files;
 //! - [`likeness`]: how near a mosaic comes to the known answer.
 //!
 //! Promises: the same numbers, files and pictures on every machine and for any number of threads. The oracle shares no
@@ -29,11 +29,12 @@ pub mod scenes;
 mod shift;
 mod shot;
 mod source;
+mod street_set;
 mod test_scene;
 mod texture;
 
 pub use caster::{CastHit, Caster};
-pub use facade::{FACADE_SIZE, facade};
+pub use facade::{FACADE_SIZE, HOUSE_STEP_M, facade, row_of_facades};
 pub use facade_set::{FacadeSet, Written};
 pub use files::{names, write_colmap, write_picture, write_project, write_triangles};
 pub use metrics::{Likeness, Plane, likeness, ssim};
@@ -47,5 +48,6 @@ pub use refine::Refinement;
 pub use scene::{Figure, Opening, Patch, Scene, SceneBuilder};
 pub use shift::{Shift, shift};
 pub use shot::{CameraSpec, Shot, photos};
+pub use street_set::{PHOTOS_PER_HOUSE, PICTURES, StreetSet};
 pub use test_scene::TestScene;
 pub use texture::{Part, Texture};

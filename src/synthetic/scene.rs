@@ -84,12 +84,18 @@ pub struct SceneBuilder {
     index: BTreeMap<[u64; 3], u32>,
     points: Vec<DVec3>,
     patches: Vec<Patch>,
+    offset: DVec3,
 }
 
 impl SceneBuilder {
     /// An empty scene.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// From now on, what is added is moved by `offset` from where it was given; metres.
+    pub fn moved_by(&mut self, offset: DVec3) {
+        self.offset = offset;
     }
 
     /// Adds a planar convex quadrilateral, counter-clockwise as seen from outside.
@@ -165,6 +171,7 @@ impl SceneBuilder {
     }
 
     fn vertex(&mut self, p: DVec3) -> u32 {
+        let p = p + self.offset;
         // + 0.0 makes one zero of the two.
         let key = (p + 0.0).to_array().map(f64::to_bits);
         let points = &mut self.points;

@@ -7,8 +7,9 @@ use super::super::config::{Config, all_processors};
 use super::super::console;
 use super::super::ortho::{self, ExitStatus};
 use super::{answer, preview};
+use crate::geom::Size;
 use crate::output::Meaning;
-use crate::synthetic::{FacadeSet, names};
+use crate::synthetic::{FacadeSet, PHOTOS_PER_HOUSE, StreetSet, names};
 use crate::{Error, Result};
 
 /// Writes the façade and its photos, renders them as `groundel ortho` does, draws previews and compares.
@@ -27,7 +28,10 @@ pub(in crate::cli) fn run(args: &DemoArgs) -> Result<ExitStatus> {
 
     let set = set(args);
     say(&format!("building a façade and photographing it: {}", args.dir.display()));
-    let written = pool.install(|| set.write(&args.dir))?;
+    let written = pool.install(|| match street(args, &set) {
+        Some(street) => street.write(&args.dir),
+        None => set.write(&args.dir),
+    })?;
     say(&format!("{} faces, {} photos", written.faces, written.photos));
     if args.inputs_only {
         return Ok(ExitStatus::Done);
@@ -64,3 +68,16 @@ fn set(args: &DemoArgs) -> FacadeSet {
     let set = if args.paper { FacadeSet::paper() } else { FacadeSet::demo() };
     FacadeSet { faces: args.faces.unwrap_or(set.faces), ..set }
 }
+
+/// The street that the flags ask for, if they ask for one.
+fn street(args: &DemoArgs, set: &FacadeSet) -> Option<StreetSet> {
+    if args.houses.is_none() && args.photos.is_none() {
+        return None;
+    }
+    let houses = args.houses.unwrap_or(1);
+    let photos = args.photos.unwrap_or(houses * PHOTOS_PER_HOUSE);
+    Some(StreetSet { houses, photos, set: FacadeSet { photo: STREET_PHOTO, ..set.clone() } })
+}
+
+/// Width and height of a street's photos.
+const STREET_PHOTO: Size = Size { width: 6000, height: 4000 };
