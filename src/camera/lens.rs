@@ -21,10 +21,10 @@ const MAX_COEFFICIENT: f64 = 1e12;
 pub struct Lens {
     model: LensModel,
     size: Size,
-    focal_px: DVec2,
-    principal_px: DVec2,
-    distortion: Distortion,
-    valid_square: f64,
+    pub(super) focal_px: DVec2,
+    pub(super) principal_px: DVec2,
+    pub(super) distortion: Distortion,
+    pub(super) valid_square: f64,
     ray_bounds: Option<Bounds2>,
 }
 

@@ -11,6 +11,7 @@
 //! same on every machine; nothing here allocates per point. Fisheye and omnidirectional models are named
 //! ([`LensModel`]) but not computed.
 
+mod batch;
 mod distortion;
 mod lens;
 mod model;
@@ -23,6 +24,7 @@ mod radius;
 mod rational;
 mod ray_bounds;
 
+pub use batch::{RAYS, Rays};
 pub use lens::{Lens, LensError};
 pub use model::LensModel;
 pub use photo::{CameraSet, LeftOut, Photo, PhotoId};

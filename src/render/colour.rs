@@ -23,9 +23,6 @@ pub(super) struct Colouring {
     masking: Masking,
     sampler: Sampler,
     samples: SampleTile,
-    /// Pixels of the sub-block and weights of the view last sampled.
-    pixels: Vec<u32>,
-    weights: Vec<f64>,
     pub(super) statistics: Statistics,
 }
 
@@ -35,8 +32,6 @@ impl Colouring {
             masking: Masking::default(),
             sampler: Sampler::default(),
             samples: SampleTile::new(),
-            pixels: Vec::new(),
-            weights: Vec::new(),
             statistics: Statistics::new(scene.names),
         }
     }
@@ -50,8 +45,6 @@ impl Colouring {
         };
         self.samples.memory_bytes()
             + window as u64
-            + held_bytes(&self.pixels)
-            + held_bytes(&self.weights)
             + held_bytes(&sampler.levels)
             + held_bytes(&sampler.chosen)
             + held_bytes(&sampler.positions)
@@ -74,34 +67,22 @@ impl Colouring {
             self.samples.begin(sub);
             for view in &mut *views {
                 let photo = &scene.photos[view.photo];
-                view.tile.view(surface, &scene.mosaic, &photo.view, view.points.seen_in(k));
+                let seen = view.points.seen_in(k);
+                let view = &mut view.tile;
+                view.view(surface, &scene.mosaic, &photo.view, sub, seen);
                 if let Some(masks) = &scene.masks {
-                    self.masking.apply(masks, photo.index.into(), &mut view.tile.points)?;
+                    self.masking.apply(masks, photo.index.into(), view)?;
                 }
-                if view.tile.points.is_empty() {
+                if view.is_empty() {
                     continue;
                 }
-                self.sampler.sample(scene, usize::from(photo.index), &view.tile)?;
-                self.gather(surface.rect, sub, &view.tile);
+                self.sampler.sample(scene, usize::from(photo.index), view)?;
                 let colours = &self.sampler.colours;
-                self.samples.push(photo.index, photo.gain, &self.pixels, colours, &self.weights);
+                self.samples.push(photo.index, photo.gain, &view.pixels, colours, &view.weights);
             }
             blend_into(&scene.blend, &mut self.samples, tile, &mut self.statistics);
         }
         Ok(())
-    }
-
-    /// Pixels of `sub` and weights of the points of a view.
-    fn gather(&mut self, block: PixelRect, sub: PixelRect, view: &ViewTile) {
-        let index = |v: i64| usize::try_from(v).expect("a sub-block lies in its block");
-        let (left, top) = (index(sub.x0 - block.x0), index(sub.y0 - block.y0));
-        self.pixels.clear();
-        self.pixels.extend(view.points.iter().map(|p| {
-            let (x, y) = (p.pixel as usize % block.width(), p.pixel as usize / block.width());
-            u32::try_from((y - top) * sub.width() + x - left).expect("a small block")
-        }));
-        self.weights.clear();
-        self.weights.extend(view.points.iter().map(|p| p.weight));
     }
 }
 
@@ -137,9 +118,9 @@ impl Sampler {
     fn sample(&mut self, scene: &Scene, k: usize, view: &ViewTile) -> Result<()> {
         let levels = scene.pixels.levels(k);
         self.levels.clear();
-        self.levels.extend(view.points.iter().map(|p| level_of(p.footprint_squared, levels)));
+        self.levels.extend(view.footprints_squared.iter().map(|&f| level_of(f, levels)));
         self.colours.clear();
-        self.colours.resize(view.points.len(), [0.0; 3]);
+        self.colours.resize(view.positions.len(), [0.0; 3]);
         for level in 0..levels {
             let mut chosen = std::mem::take(&mut self.chosen);
             chosen.clear();
@@ -165,7 +146,7 @@ impl Sampler {
             return Ok(());
         }
         self.positions.clear();
-        self.positions.extend(chosen.iter().map(|&i| view.points[i as usize].position));
+        self.positions.extend(chosen.iter().map(|&i| view.positions[i as usize]));
         let rect = taps_of(scene.interpolation, &self.positions, level);
         if rect.area() > WINDOW_AREA && chosen.len() > 1 {
             let (first, second) = chosen.split_at(chosen.len() / 2);

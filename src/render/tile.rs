@@ -6,7 +6,7 @@ use crate::geom::{Bounds3, PixelRect, held_bytes};
 use crate::store::mesh::{PartitionBuffer, PartitionId};
 use crate::surface::{SurfaceBuilder, SurfaceTile};
 use crate::visibility::{
-    BlockPoints, OcclusionScratch, PointCells, RayPoints, SUB_BLOCK, ViewTile,
+    BlockPoints, OcclusionScratch, PointCells, RayPoints, SUB_BLOCK, Sight, ViewTile,
 };
 
 use super::Scene;
@@ -93,6 +93,7 @@ impl<'a> Renderer<'a> {
         self.surface.memory_bytes()
             + self.partition.memory_bytes() as u64
             + self.rays.memory_bytes()
+            + self.occlusion.memory_bytes()
             + self.colouring.memory_bytes()
             + held_bytes(&self.column)
             + held_bytes(&self.shaft)
@@ -175,7 +176,13 @@ impl<'a> Renderer<'a> {
             let block = self.partition.block();
             for &(_, k) in visits {
                 let View { photo, points, cells, .. } = &mut self.views[k as usize];
-                cells.occlude(&self.scene.photos[*photo].view, &block, points, &mut self.occlusion);
+                let photo = &self.scene.photos[*photo].view;
+                let sight = Sight {
+                    photo,
+                    surface: self.surface.tile(),
+                    tolerance_m: self.scene.tolerance_m,
+                };
+                cells.occlude(&sight, &block, points, &mut self.occlusion);
             }
         }
         Ok(count)
@@ -184,7 +191,7 @@ impl<'a> Renderer<'a> {
     /// Lists the points of the block that each photo may see; the number of photos that may see any.
     fn start_views(&mut self) -> usize {
         let surface: &SurfaceTile = self.surface.tile();
-        let bounds = Bounds3::of(surface.points.iter().copied().filter(|p| !p.is_nan()));
+        let bounds = Bounds3::of(surface.points.iter().filter(|p| !p.is_nan()));
         let mut count = 0;
         for (photo, p) in self.scene.photos.iter().enumerate() {
             if bounds.is_empty() || !p.view.may_see(&bounds) {
@@ -195,7 +202,8 @@ impl<'a> Renderer<'a> {
             }
             let view = &mut self.views[count];
             view.photo = photo;
-            view.points.start(surface, &p.view, self.scene.tolerance_m, &mut self.rays);
+            let tolerance_m = self.scene.tolerance_m;
+            view.points.start(&Sight { photo: &p.view, surface, tolerance_m }, &mut self.rays);
             if !view.points.is_empty() {
                 view.cells.start(&p.view, &self.rays);
                 view.tile.start_block(surface);

@@ -126,7 +126,7 @@ impl SurfaceBuilder {
         let tile = &self.tile;
         held_bytes(&tile.elevations)
             + held_bytes(&tile.faces_at)
-            + held_bytes(&tile.points)
+            + tile.points.memory_bytes()
             + held_bytes(&tile.faces)
             + held_bytes(&tile.vertices)
             + held_bytes(&self.projected)
@@ -143,13 +143,14 @@ impl SurfaceBuilder {
         self.drop_hidden_faces();
         let tile = &mut self.tile;
         let width = tile.rect.width();
-        tile.points.extend(tile.elevations.iter().enumerate().map(|(k, &elevation)| {
-            if elevation.is_nan() {
-                return DVec3::NAN;
+        for (row, elevations) in tile.elevations.chunks(width.max(1)).enumerate() {
+            let y = tile.rect.y0 as f64 + (row as f64 + 0.5);
+            for (column, &elevation) in elevations.iter().enumerate() {
+                // An elevation that is not a number makes a point that is not.
+                let x = tile.rect.x0 as f64 + (column as f64 + 0.5);
+                tile.points.push(mosaic.lift(x, y, elevation));
             }
-            let (x, y) = ((k % width) as f64 + 0.5, (k / width) as f64 + 0.5);
-            mosaic.lift(tile.rect.x0 as f64 + x, tile.rect.y0 as f64 + y, elevation)
-        }));
+        }
         &self.tile
     }
 

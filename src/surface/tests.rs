@@ -92,7 +92,7 @@ fn the_normal_points_to_the_viewer_for_either_winding_and_points_lie_on_the_face
     for corners in [[a, b, c], [a, c, b]] {
         let tile = render(&m, rect, &[(corners, 0)]);
         assert!(tile.faces[0].normal.z > 0.0);
-        assert!((tile.points[9] - DVec3::new(1.5, 6.5, 3.0)).length() < 1e-12);
+        assert!((tile.points.at(9) - DVec3::new(1.5, 6.5, 3.0)).length() < 1e-12);
     }
 }
 

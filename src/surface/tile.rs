@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::geom::{FaceId, PixelRect};
+use crate::geom::{Coordinates, FaceId, PixelRect};
 
 /// A triangle that at least one pixel of a tile shows.
 #[derive(Debug, Clone, Copy)]
@@ -25,7 +25,7 @@ pub struct SurfaceTile {
     /// Index in [`Self::faces`]; [`Self::NO_FACE`] where there is no surface.
     pub faces_at: Vec<u32>,
     /// The surface point at the pixel's centre, local frame; NaN where there is no surface.
-    pub points: Vec<DVec3>,
+    pub points: Coordinates,
     /// The triangles shown, each once.
     pub faces: Vec<SurfaceFace>,
     /// Their vertices, local frame.

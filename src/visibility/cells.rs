@@ -1,113 +1,135 @@
 //! The irregular z-buffer: a block's points in cells of rays, and the faces that take them out of sight.
+//!
+//! 1. The points are sorted by cell, row by row, so that those of neighbouring cells of a row lie side by side.
+//! 2. For each face, [`Candidates`] tests whole rows of points in its bounds, in f32 with bounds of the rounding, and
+//!    finds those that it *might* hide: few but what it does hide.
+//! 3. These are decided by [`FaceTest`] in f64.
 
 use glam::{DVec2, DVec3};
 
+use super::candidates::{Candidates, Found, Grid};
 use super::face_test::FaceTest;
-use super::photo::{Shaft, ViewPhoto, ray_of};
-use super::points::{BlockPoint, BlockPoints, RayPoints};
-use crate::geom::{Bounds2, Bounds3, FaceBlock, held_bytes};
+use super::photo::{Shaft, ViewPhoto};
+use super::points::{BlockPoints, RayPoints};
+use super::sight::Sight;
+use crate::geom::{Bounds2, Bounds3, FaceBlock, LANES, held_bytes, run_widest};
 
-/// A face's ray bounds are widened by this part of a cell before cells are chosen; rounding of rays and of the
-/// predicate is some 10⁻⁹ of that.
-const CELL_MARGIN: f64 = 1e-3;
+/// Width and height of a cell, photo pixels. A typical face is two pixels wide: fewer, longer rows of points.
+const CELL_PX: [f32; 2] = [1.0, 2.0];
 
 /// Most cells of a block and photo, as a multiple of its points: beyond it cells grow.
-const CELLS_PER_POINT: f64 = 1.0;
+const CELLS_PER_POINT: f32 = 1.0;
 
-/// The points of one block and photo that are still in sight, by cells of rays.
+/// The points of one block and photo, by cells of rays.
 #[derive(Debug, Default)]
 pub struct PointCells {
-    rays: Option<Bounds2>,
     shaft: Option<Shaft>,
-    /// Greatest limit of any point.
-    far: f64,
-    cells_per_ray: f64,
-    columns: usize,
-    rows: usize,
-    cells: Vec<Cell>,
-    points: Vec<BlockPoint>,
+    grid: Grid,
+    /// First point of each cell, row by row, and the number of points at the end.
+    starts: Vec<u32>,
+    points: SortedPoints,
     in_sight: usize,
 }
 
-#[derive(Debug, Clone, Copy, Default)]
-struct Cell {
-    start: u32,
-    end: u32,
-    /// At least the greatest limit of the points in the cell; 0 when there are none.
-    limit: f32,
+/// Points in the order of their cells, one entry a point in each array, then [`LANES`] entries that no face hides.
+#[derive(Debug, Default)]
+pub(super) struct SortedPoints {
+    /// Place in the grid, cells.
+    pub(super) x: Vec<f32>,
+    pub(super) y: Vec<f32>,
+    /// See [`RayPoints::limit`]; 0 once the point is out of sight.
+    pub(super) limit: Vec<f32>,
+    /// Id of the point's own face.
+    pub(super) face: Vec<u32>,
+    /// Position in [`BlockPoints`].
+    index: Vec<u32>,
 }
 
 /// Memory reused from face block to face block.
 #[derive(Debug, Default)]
 pub struct OcclusionScratch {
-    camera: Vec<DVec3>,
-    cell: Vec<DVec2>,
+    /// Each vertex in the grid: column, row, depth.
+    vertices: [Vec<f32>; 3],
+    found: Found,
+}
+
+impl OcclusionScratch {
+    /// Memory held, bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        self.vertices.iter().map(held_bytes).sum::<u64>()
+            + held_bytes(&self.found.pairs)
+            + held_bytes(&self.found.anywhere)
+    }
 }
 
 impl PointCells {
     /// Memory held, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        held_bytes(&self.cells) + held_bytes(&self.points)
+        let p = &self.points;
+        held_bytes(&self.starts)
+            + [&p.x, &p.y, &p.limit].into_iter().map(held_bytes).sum::<u64>()
+            + held_bytes(&p.face)
+            + held_bytes(&p.index)
     }
 
-    /// Bins the points of one photo in cells of about one photo pixel.
+    /// Bins the points of one photo in cells of a few photo pixels.
     pub fn start(&mut self, photo: &ViewPhoto, points: &RayPoints) {
-        let points = &points.0;
-        let rays = Bounds2::of(points.iter().map(|p| DVec2::new(p.x, p.y)));
-        self.in_sight = points.len();
-        self.far = points.iter().fold(0.0, |far, p| p.limit.max(far));
-        self.cells.clear();
-        self.points.clear();
-        if points.is_empty() {
-            (self.rays, self.shaft) = (None, None);
+        let count = points.x.len();
+        self.in_sight = count;
+        self.starts.clear();
+        if count == 0 {
+            self.shaft = None;
             return;
         }
-        (self.rays, self.shaft) = (Some(rays), Some(Shaft::new(photo, &rays, self.far)));
-        self.choose_cells(photo, &rays, points.len());
-        self.cells.resize(self.columns * self.rows, Cell::default());
-        // Counting sort: sizes, starts, then each point to its place.
-        for p in points {
-            let cell = self.cell_of(p, rays.min);
-            self.cells[cell].end += 1;
-        }
-        let mut start = 0;
-        for cell in &mut self.cells {
-            let count = cell.end;
-            (cell.start, cell.end) = (start, start);
-            start += count;
-        }
-        if let Some(&first) = points.first() {
-            self.points.resize(points.len(), first);
-        }
-        for p in points {
-            let cell = self.cell_of(p, rays.min);
-            let cell = &mut self.cells[cell];
-            self.points[cell.end as usize] = *p;
-            cell.end += 1;
-            cell.limit = cell.limit.max(up(p.limit));
-        }
+        let far = greatest(&points.limit);
+        let (min_x, max_x) = (-greatest_of(&points.x, |v| -v), greatest(&points.x));
+        let (min_y, max_y) = (-greatest_of(&points.y, |v| -v), greatest(&points.y));
+        let focal = photo.lens.focal_px();
+        let ray = |x: f32, y: f32| points.origin + DVec2::new(x.into(), y.into()) / focal;
+        // Room for what rounding to f32 has moved.
+        let rays = Bounds2 { min: ray(min_x, min_y), max: ray(max_x, max_y) };
+        let slack = (rays.max - rays.min).max_element() * 1e-6;
+        let rays = Bounds2 { min: rays.min - slack, max: rays.max + slack };
+        self.shaft = Some(Shaft::new(photo, &rays, far.into()));
+        let [scale_x, scale_y] = cells_per_px([max_x - min_x, max_y - min_y], count);
+        let (columns, rows) =
+            (index((max_x - min_x) * scale_x) + 1, index((max_y - min_y) * scale_y) + 1);
+        let least = points.origin + DVec2::new(min_x.into(), min_y.into()) / focal;
+        let scale = focal * DVec2::new(scale_x.into(), scale_y.into());
+        self.grid = Grid::new(least, rays, scale, [columns, rows], far);
+        self.sort(points, [min_x, min_y], [scale_x, scale_y]);
     }
 
-    fn choose_cells(&mut self, photo: &ViewPhoto, rays: &Bounds2, points: usize) {
-        let size = rays.max - rays.min;
-        let budget = CELLS_PER_POINT * points as f64;
-        // One photo pixel, unless that makes too many cells; also for a row of points, whose rectangle has no area.
-        let finest = photo.lens.focal_px().max_element();
-        let by_area = (budget / (size.x * size.y)).sqrt();
-        let by_side = budget / size.max_element();
-        self.cells_per_ray = finest.min(by_area).min(by_side);
-        if !(self.cells_per_ray.is_finite() && self.cells_per_ray > 0.0) {
-            self.cells_per_ray = 1.0;
+    /// A counting sort by cell: sizes, starts, then each point to its place.
+    fn sort(&mut self, points: &RayPoints, [min_x, min_y]: [f32; 2], [scale_x, scale_y]: [f32; 2]) {
+        let [columns, rows] = self.grid.size();
+        let count = points.x.len();
+        let place = |k: usize| {
+            let (x, y) = ((points.x[k] - min_x) * scale_x, (points.y[k] - min_y) * scale_y);
+            let cell = index(y).min(rows - 1) * columns + index(x).min(columns - 1);
+            (x, y, cell)
+        };
+        self.starts.resize(columns * rows + 2, 0);
+        // One place to the right, so that starts become the ends of the cells before while points find their places.
+        for k in 0..count {
+            self.starts[place(k).2 + 2] += 1;
         }
-        self.columns = index(size.x * self.cells_per_ray) + 1;
-        self.rows = index(size.y * self.cells_per_ray) + 1;
-    }
-
-    #[inline]
-    fn cell_of(&self, p: &BlockPoint, origin: DVec2) -> usize {
-        let column = index((p.x - origin.x) * self.cells_per_ray).min(self.columns - 1);
-        let row = index((p.y - origin.y) * self.cells_per_ray).min(self.rows - 1);
-        row * self.columns + column
+        let mut sum = 0;
+        for start in &mut self.starts {
+            sum += *start;
+            *start = sum;
+        }
+        self.points.resize(count);
+        for k in 0..count {
+            let (x, y, cell) = place(k);
+            let next = &mut self.starts[cell + 1];
+            let to = *next as usize;
+            *next += 1;
+            let sorted = &mut self.points;
+            (sorted.x[to], sorted.y[to]) = (x, y);
+            (sorted.limit[to], sorted.face[to]) = (points.limit[k], points.face[k]);
+            sorted.index[to] = u32::try_from(k).expect("a tile has fewer than 2³² pixels");
+        }
     }
 
     /// Whether a face within `bounds` (local frame) might take a point out of sight; `false` is proven.
@@ -115,93 +137,105 @@ impl PointCells {
         self.in_sight > 0 && self.shaft.is_some_and(|s| s.may_meet(bounds))
     }
 
-    /// Takes out of sight every point before which a face of `block` lies.
+    /// Takes out of sight every point before which a face of `block` lies. `sight` and `points` are those that the
+    /// cells were started with.
     pub fn occlude(
         &mut self,
-        photo: &ViewPhoto,
+        sight: &Sight<'_>,
         block: &FaceBlock<'_>,
         points: &mut BlockPoints,
         scratch: &mut OcclusionScratch,
     ) {
-        let Some(rays) = self.rays else { return };
-        scratch.camera.clear();
-        scratch.camera.extend(block.positions.iter().map(|&p| photo.camera_from_local(p)));
-        scratch.cell.clear();
-        scratch
-            .cell
-            .extend(scratch.camera.iter().map(|&q| (ray_of(q) - rays.min) * self.cells_per_ray));
-        for (corners, &id) in block.triangles.iter().zip(block.ids) {
-            let [a, b, c] = corners.map(|i| scratch.camera[usize::from(i)]);
-            let near = a.z.min(b.z).min(c.z);
-            if near >= self.far || a.z.max(b.z).max(c.z) <= 0.0 {
+        if self.in_sight == 0 {
+            return;
+        }
+        let OcclusionScratch { vertices, found } = scratch;
+        found.pairs.clear();
+        found.anywhere.clear();
+        let (grid, starts) = (&self.grid, self.starts.as_slice());
+        let (photo, sorted) = (sight.photo, &self.points);
+        run_widest(Candidates { photo, grid, starts, points: sorted, block, vertices, found });
+        for of_face in found.pairs.chunk_by(|a, b| a.0 == b.0) {
+            let face = of_face[0].0 as usize;
+            self.decide(sight, block, face, points, of_face.iter().map(|pair| pair.1 as usize));
+        }
+        for &face in &found.anywhere {
+            let all = 0..self.points.index.len();
+            self.decide(sight, block, face as usize, points, all);
+        }
+    }
+
+    /// Tests each of the points `chosen` against one face.
+    fn decide(
+        &mut self,
+        sight: &Sight<'_>,
+        block: &FaceBlock<'_>,
+        face: usize,
+        points: &mut BlockPoints,
+        chosen: impl Iterator<Item = usize>,
+    ) {
+        let corners: [DVec3; 3] = block.corners(face).map(|p| sight.photo.camera_from_local(p));
+        let (test, id) = (FaceTest::new(corners), block.ids[face].0);
+        for k in chosen {
+            let sorted = &mut self.points;
+            if sorted.limit[k] == 0.0 || sorted.face[k] == id {
                 continue;
             }
-            let range = if near > 0.0 {
-                self.cells_between(corners.map(|i| scratch.cell[usize::from(i)]))
-            } else if Shaft::rays_may_meet(&rays, [a, b, c]) {
-                Some([0, 0, self.columns - 1, self.rows - 1])
-            } else {
-                None
-            };
-            let Some([x0, y0, x1, y1]) = range else { continue };
-            let mut test = None;
-            for row in y0..=y1 {
-                for cell in row * self.columns + x0..=row * self.columns + x1 {
-                    if near < f64::from(self.cells[cell].limit) {
-                        let test = test.get_or_insert_with(|| FaceTest::new([a, b, c]));
-                        self.test_cell(cell, test, id.0, points);
-                    }
-                }
-            }
-        }
-    }
-
-    /// First and last column and row of the cells that a face with these corners (in cells) may touch.
-    #[inline]
-    fn cells_between(&self, [a, b, c]: [DVec2; 3]) -> Option<[usize; 4]> {
-        let lo = a.min(b).min(c) - CELL_MARGIN;
-        let hi = a.max(b).max(c) + CELL_MARGIN;
-        if hi.x < 0.0 || hi.y < 0.0 || lo.x >= self.columns as f64 || lo.y >= self.rows as f64 {
-            return None;
-        }
-        Some([
-            index(lo.x),
-            index(lo.y),
-            index(hi.x).min(self.columns - 1),
-            index(hi.y).min(self.rows - 1),
-        ])
-    }
-
-    fn test_cell(&mut self, cell: usize, test: &FaceTest, face: u32, points: &mut BlockPoints) {
-        let cell = &mut self.cells[cell];
-        let mut k = cell.start as usize;
-        while k < cell.end as usize {
-            let p = self.points[k];
-            if test.cuts(p.x, p.y, p.limit) && p.face.0 != face {
-                points.hide(p.index);
-                cell.end -= 1;
-                self.points.swap(k, cell.end as usize);
+            let at = sorted.index[k] as usize;
+            let (ray, limit) = sight.ray_and_limit(points.pixel(sight.surface, at));
+            if test.cuts(ray.x, ray.y, limit) {
+                points.hide(at);
+                sorted.limit[k] = 0.0;
                 self.in_sight -= 1;
-            } else {
-                k += 1;
             }
-        }
-        if cell.start == cell.end {
-            cell.limit = 0.0;
         }
     }
 }
 
-/// The least f32 that is not below `v`.
-#[expect(clippy::cast_possible_truncation, reason = "rounded up again")]
-fn up(v: f64) -> f32 {
-    let near = v as f32;
-    if f64::from(near) < v { near.next_up() } else { near }
+impl SortedPoints {
+    /// Room for `count` points; what they are is left open.
+    fn resize(&mut self, count: usize) {
+        for of in [&mut self.x, &mut self.y, &mut self.limit] {
+            of.resize(count + LANES, 0.0);
+            of[count..].fill(0.0);
+        }
+        self.face.resize(count + LANES, 0);
+        self.index.resize(count, 0);
+    }
+}
+
+/// Cells a photo pixel, along x and y: the finest, unless a rectangle of this size would have too many.
+fn cells_per_px([width, height]: [f32; 2], points: usize) -> [f32; 2] {
+    let budget = CELLS_PER_POINT * points as f32;
+    let [fine_x, fine_y] = CELL_PX.map(|px| 1.0 / px);
+    let (columns, rows) = (width * fine_x, height * fine_y);
+    // By area, and also for a row of points, whose rectangle has no area.
+    let shrink = (budget / (columns * rows)).sqrt().min(budget / columns.max(rows)).min(1.0);
+    let shrink = if shrink.is_finite() && shrink > 0.0 { shrink } else { 1.0 };
+    [fine_x * shrink, fine_y * shrink]
+}
+
+fn greatest(values: &[f32]) -> f32 {
+    greatest_of(values, |v| v)
+}
+
+/// The greatest of `f` over values that are numbers; −∞ for none.
+fn greatest_of(values: &[f32], f: impl Fn(f32) -> f32) -> f32 {
+    let mut lanes = [f32::NEG_INFINITY; LANES];
+    let chunks = values.chunks_exact(LANES);
+    let rest = chunks.remainder();
+    for chunk in chunks {
+        for (lane, &v) in lanes.iter_mut().zip(chunk) {
+            let v = f(v);
+            *lane = if v > *lane { v } else { *lane };
+        }
+    }
+    rest.iter().map(|&v| f(v)).chain(lanes).fold(f32::NEG_INFINITY, f32::max)
 }
 
 /// A non-negative coordinate's whole part; negative ones and NaN give 0, huge ones saturate.
 #[inline]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating by intent")]
-fn index(v: f64) -> usize {
-    v as usize
+fn index(v: f32) -> usize {
+    v as u32 as usize
 }

@@ -7,7 +7,7 @@ use glam::DVec3;
 /// With every input coordinate at most M, a component of `b × c` is off by at most 4 u M² and the dot product with a
 /// ray adds at most 8 u M² (|x| + |y| + 1); 16 leaves room. Within it an edge function counts as zero, so a ray
 /// through a shared edge or vertex never slips between the faces that share it.
-const EDGE_ROUNDING: f64 = 16.0 / 9_007_199_254_740_992.0;
+pub(super) const EDGE_ROUNDING: f64 = 16.0 / 9_007_199_254_740_992.0;
 
 /// A face in camera coordinates, ready to be tested against rays `(x, y, 1)`.
 #[derive(Debug, Clone, Copy)]

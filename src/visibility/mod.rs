@@ -15,16 +15,19 @@
 //! "The irregular z-buffer", ACM Transactions on Graphics 24(4), doi:10.1145/1095878.1095889. Departures: central
 //! projection of a photo instead of a light's, points streamed against faces of the whole mesh in f64, no raster.
 
+mod candidates;
 mod cells;
 mod face_test;
 mod photo;
 mod points;
+mod sight;
 mod view;
 
 pub use cells::{OcclusionScratch, PointCells};
 pub use photo::ViewPhoto;
 pub use points::{BlockPoints, RayPoints, SUB_BLOCK};
-pub use view::{ViewPoint, ViewTile};
+pub use sight::Sight;
+pub use view::ViewTile;
 
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,6 @@
 //! One photo as the stage needs it.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 
 use crate::camera::{Lens, LocalPose};
 use crate::geom::{Bounds2, Bounds3};
@@ -26,7 +26,7 @@ impl ViewPhoto {
     /// A point of the local frame in camera coordinates, metres.
     #[inline]
     pub fn camera_from_local(&self, p: DVec3) -> DVec3 {
-        rotate(&self.pose.rotation, p - self.pose.centre)
+        to_camera(&self.pose, p)
     }
 
     /// Whether some point of the box might fall into the frame; `false` is proven.
@@ -89,10 +89,11 @@ impl Shaft {
     }
 }
 
-/// `matrix · v`, each component summed from the left.
+/// `rotation · (p − centre)`, each component summed from the left.
 #[inline]
-fn rotate(matrix: &DMat3, v: DVec3) -> DVec3 {
-    matrix.x_axis * v.x + matrix.y_axis * v.y + matrix.z_axis * v.z
+pub(super) fn to_camera(pose: &LocalPose, p: DVec3) -> DVec3 {
+    let (m, v) = (&pose.rotation, p - pose.centre);
+    m.x_axis * v.x + m.y_axis * v.y + m.z_axis * v.z
 }
 
 /// The ray `(x/z, y/z)` of a point in camera coordinates; meaningful only for `z > 0`.

@@ -2,7 +2,7 @@ use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 
 use super::face_test::FaceTest;
-use super::{BlockPoints, OcclusionScratch, PointCells, RayPoints, ViewPhoto};
+use super::{BlockPoints, OcclusionScratch, PointCells, RayPoints, Sight, ViewPhoto};
 use crate::camera::{Lens, LensModel, LocalPose};
 use crate::frame::{LocalMosaic, Mosaic, Plane};
 use crate::geom::{Bounds3, FaceBlock, FaceId, PixelRect, Size};
@@ -67,15 +67,23 @@ impl Mesh {
 fn seen(mesh: &Mesh, surface: &SurfaceTile, photo: &ViewPhoto, blocks: usize) -> Vec<usize> {
     let (mut points, mut rays) = (BlockPoints::default(), RayPoints::default());
     let (mut cells, mut scratch) = (PointCells::default(), OcclusionScratch::default());
-    points.start(surface, photo, TOLERANCE, &mut rays);
+    let sight = Sight { photo, surface, tolerance_m: TOLERANCE };
+    points.start(&sight, &mut rays);
     cells.start(photo, &rays);
     for block in mesh.blocks(blocks) {
         if cells.may_be_hidden_by(&block.bounds) {
-            cells.occlude(photo, &block, &mut points, &mut scratch);
+            cells.occlude(&sight, &block, &mut points, &mut scratch);
         }
     }
-    let subs = surface.rect.blocks(super::SUB_BLOCK).count();
-    let mut all: Vec<_> = (0..subs).flat_map(|k| points.seen_in(k).collect::<Vec<_>>()).collect();
+    let (rect, side) = (surface.rect, super::SUB_BLOCK);
+    let pixel = |sub: PixelRect, place: u16| {
+        let (x, y) = (sub.x0 + i64::from(place) % side, sub.y0 + i64::from(place) / side);
+        usize::try_from((y - rect.y0) * (rect.x1 - rect.x0) + x - rect.x0).unwrap()
+    };
+    let subs = rect.blocks(side).enumerate();
+    let mut all: Vec<_> = subs
+        .flat_map(|(k, sub)| points.seen_in(k).map(move |p| pixel(sub, p)).collect::<Vec<_>>())
+        .collect();
     all.sort_unstable();
     all
 }
@@ -85,7 +93,7 @@ fn seen_by_predicate(mesh: &Mesh, surface: &SurfaceTile, photo: &ViewPhoto) -> V
     let visible = |k: &usize| {
         let Some(face) = surface.face_at(*k) else { return false };
         let [a, ..] = surface.corners(face);
-        let q = photo.camera_from_local(surface.points[*k]);
+        let q = photo.camera_from_local(surface.points.at(*k));
         if face.normal.dot(photo.pose.centre - a) <= 0.0 || q.z <= 0.0 {
             return false;
         }

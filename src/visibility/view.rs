@@ -3,23 +3,12 @@
 use glam::{DVec2, DVec3};
 
 use super::photo::{ViewPhoto, ray_of};
+use super::points::SUB_BLOCK;
+use super::sight::Batch;
+use crate::camera::RAYS;
 use crate::frame::LocalMosaic;
-use crate::geom::{held_bytes, orient2d};
+use crate::geom::{PixelRect, held_bytes, orient2d};
 use crate::surface::{SurfaceFace, SurfaceTile};
-
-/// A pixel that the photo sees.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewPoint {
-    /// Pixel of the surface tile.
-    pub pixel: u32,
-    /// Photo position, pixels, distorted.
-    pub position: DVec2,
-    /// Photo pixels that the mosaic pixel covers: the determinant of the Jacobian of the distorted projection on the
-    /// face at the point.
-    pub footprint_squared: f64,
-    /// The face's area in photo pixels.
-    pub weight: f64,
-}
 
 /// A vertex in one photo.
 #[derive(Debug, Clone, Copy)]
@@ -30,31 +19,80 @@ enum Projection {
     At(DVec2),
 }
 
-/// The pixels of a part of a surface tile that one photo sees, in the order given.
+/// A face in one photo.
+#[derive(Debug, Clone, Copy)]
+enum FaceView {
+    Unknown,
+    Known {
+        /// Its area in photo pixels; NaN if a corner has no projection.
+        area: f64,
+        /// Twice the volume that it spans with the perspective centre: times the magnification on the ray and by the
+        /// depth cubed, twice its area in photo pixels if it were all at that point.
+        spread: f64,
+        /// The same for the part of its plane that one mosaic pixel shows.
+        pixel_spread: f64,
+    },
+}
+
+/// The pixels of a part of a surface tile that one photo sees, in the order given; one entry a pixel in each array.
 #[derive(Debug, Default)]
 pub struct ViewTile {
-    /// The pixels.
-    pub points: Vec<ViewPoint>,
-    /// Weight of each face of the surface tile that was met; NaN: not yet computed.
-    face_weights: Vec<f64>,
+    /// Index in the sub-block, row-major.
+    pub pixels: Vec<u32>,
+    /// Photo position, pixels, distorted.
+    pub positions: Vec<DVec2>,
+    /// Photo pixels that the mosaic pixel covers: the determinant of the Jacobian of the distorted projection on the
+    /// face at the point.
+    pub footprints_squared: Vec<f64>,
+    /// The face's area in photo pixels.
+    pub weights: Vec<f64>,
+    faces: Vec<FaceView>,
     projections: Vec<Projection>,
+    batch: Batch,
 }
 
 impl ViewTile {
     /// Memory held, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        held_bytes(&self.points) + held_bytes(&self.face_weights) + held_bytes(&self.projections)
+        held_bytes(&self.pixels)
+            + held_bytes(&self.positions)
+            + held_bytes(&self.footprints_squared)
+            + held_bytes(&self.weights)
+            + held_bytes(&self.faces)
+            + held_bytes(&self.projections)
     }
 
-    /// Starts a block: no face's weight is known.
+    /// Whether the photo sees none of the pixels.
+    pub fn is_empty(&self) -> bool {
+        self.pixels.is_empty()
+    }
+
+    /// Keeps the pixels for which `is_kept` says so, in order.
+    ///
+    /// # Panics
+    /// If there are not as many.
+    pub fn retain(&mut self, is_kept: &[bool]) {
+        fn keep<T>(of: &mut Vec<T>, is_kept: &[bool]) {
+            assert_eq!(of.len(), is_kept.len(), "one answer a pixel");
+            let mut is_kept = is_kept.iter();
+            of.retain(|_| is_kept.next().is_some_and(|kept| *kept));
+        }
+        keep(&mut self.pixels, is_kept);
+        keep(&mut self.positions, is_kept);
+        keep(&mut self.footprints_squared, is_kept);
+        keep(&mut self.weights, is_kept);
+    }
+
+    /// Starts a block: no face is known.
     pub fn start_block(&mut self, surface: &SurfaceTile) {
-        self.face_weights.clear();
-        self.face_weights.resize(surface.faces.len(), f64::NAN);
+        self.faces.clear();
+        self.faces.resize(surface.faces.len(), FaceView::Unknown);
         self.projections.clear();
         self.projections.resize(surface.vertices.len(), Projection::Unknown);
     }
 
-    /// Computes the view of `pixels` of the surface tile, which the photo sees.
+    /// Computes the view of those pixels of the sub-block `sub` of the surface tile that the photo sees; `places` are
+    /// row × [`SUB_BLOCK`] + column.
     ///
     /// # Panics
     /// If a pixel shows no surface or is outside the tile.
@@ -63,39 +101,81 @@ impl ViewTile {
         surface: &SurfaceTile,
         mosaic: &LocalMosaic,
         photo: &ViewPhoto,
-        pixels: impl Iterator<Item = usize>,
+        sub: PixelRect,
+        places: impl Iterator<Item = u16>,
     ) {
-        self.points.clear();
-        let axis = mosaic.towards_viewer();
-        let pixel_area = mosaic.pixel_size() * mosaic.pixel_size();
-        for pixel in pixels {
-            let face_index = surface.faces_at[pixel] as usize;
-            let face = &surface.faces[face_index];
-            let point = surface.points[pixel];
-            let q = photo.camera_from_local(point);
-            // Inside the valid radius, or the point would not be listed; a refusal here is rounding at the radius.
-            let Some((position, lens)) = photo.lens.photo_from_ray_jacobian(ray_of(q)) else {
-                continue;
-            };
-            // Photo pixels per square metre on the face, times twice the face's area.
-            let magnification = lens.determinant().abs() / (q.z * q.z * q.z);
-            let spread = face.normal.dot(point - photo.pose.centre).abs() * magnification;
-            // The same over the mosaic pixel's part of the face's plane.
-            let footprint_squared = pixel_area * spread / face.normal.dot(axis).abs();
-            let mut weight = self.face_weights[face_index];
-            if weight.is_nan() {
-                match self.projected_area(surface, photo, face) {
-                    Some(area) => {
-                        weight = area;
-                        self.face_weights[face_index] = area;
-                    }
-                    // A vertex is behind the camera or beyond the lens: the Jacobian at the point stands in.
-                    None => weight = 0.5 * spread,
-                }
+        self.pixels.clear();
+        self.positions.clear();
+        self.footprints_squared.clear();
+        self.weights.clear();
+        let inside = |v: i64| usize::try_from(v).expect("a sub-block lies in its block");
+        let stride = surface.rect.width();
+        let first = inside(sub.y0 - surface.rect.y0) * stride + inside(sub.x0 - surface.rect.x0);
+        let mut taken = [(0_usize, 0_u32); RAYS];
+        let mut places = places;
+        loop {
+            let mut count = 0;
+            for (slot, place) in taken.iter_mut().zip(&mut places) {
+                let side = SUB_BLOCK.unsigned_abs();
+                let (row, column) = (u64::from(place) / side, u64::from(place) % side);
+                let (row, column) = (row as usize, column as usize);
+                let pixel = first + row * stride + column;
+                let in_sub = u32::try_from(row * sub.width() + column).expect("a small block");
+                *slot = (pixel, in_sub);
+                let p = surface.points.at(pixel);
+                (self.batch.x[count], self.batch.y[count], self.batch.z[count]) = (p.x, p.y, p.z);
+                count += 1;
             }
-            let pixel = u32::try_from(pixel).expect("a tile has fewer than 2³² pixels");
-            self.points.push(ViewPoint { pixel, position, footprint_squared, weight });
+            if count == 0 {
+                return;
+            }
+            self.batch.sight(photo, count);
+            photo.lens.photos_from_rays_jacobian(&mut self.batch.rays, count);
+            for (k, &(pixel, in_sub)) in taken[..count].iter().enumerate() {
+                self.push(surface, mosaic, photo, (k, pixel, in_sub));
+            }
         }
+    }
+
+    /// Enters point `k` of the batch.
+    #[inline]
+    fn push(
+        &mut self,
+        surface: &SurfaceTile,
+        mosaic: &LocalMosaic,
+        photo: &ViewPhoto,
+        (k, pixel, in_sub): (usize, usize, u32),
+    ) {
+        let face_index = surface.faces_at[pixel] as usize;
+        if matches!(self.faces[face_index], FaceView::Unknown) {
+            self.faces[face_index] =
+                self.face_view(surface, mosaic, photo, &surface.faces[face_index]);
+        }
+        let FaceView::Known { area, spread, pixel_spread } = self.faces[face_index] else { return };
+        let depth = self.batch.depth[k];
+        let magnification = self.batch.rays.magnification[k] / (depth * depth * depth);
+        // Where a vertex is behind the camera or beyond the lens, the Jacobian at the point stands in.
+        let weight = if area.is_nan() { 0.5 * spread * magnification } else { area };
+        let position = DVec2::new(self.batch.rays.photo_x[k], self.batch.rays.photo_y[k]);
+        self.pixels.push(in_sub);
+        self.positions.push(position);
+        self.footprints_squared.push(pixel_spread * magnification);
+        self.weights.push(weight);
+    }
+
+    fn face_view(
+        &mut self,
+        surface: &SurfaceTile,
+        mosaic: &LocalMosaic,
+        photo: &ViewPhoto,
+        face: &SurfaceFace,
+    ) -> FaceView {
+        let [a, ..] = surface.corners(face);
+        let spread = face.normal.dot(a - photo.pose.centre).abs();
+        let pixel_area = mosaic.pixel_size() * mosaic.pixel_size();
+        let pixel_spread = pixel_area * spread / face.normal.dot(mosaic.towards_viewer()).abs();
+        let area = self.projected_area(surface, photo, face).unwrap_or(f64::NAN);
+        FaceView::Known { area, spread, pixel_spread }
     }
 
     /// Area of a face in photo pixels, its corners projected with distortion; `None` if one has no projection.

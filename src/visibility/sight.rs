@@ -1,0 +1,86 @@
+//! Points of the surface as one photo has them before it: rays, depths and photo positions of a batch.
+
+use glam::{DVec2, DVec3};
+
+use super::photo::{ViewPhoto, ray_of};
+use crate::camera::{RAYS, Rays};
+use crate::geom::{Kernel, run_widest};
+use crate::surface::SurfaceTile;
+
+/// A photo before a surface, and the tolerance of its occlusion test.
+#[derive(Debug, Clone, Copy)]
+pub struct Sight<'a> {
+    /// The photo.
+    pub photo: &'a ViewPhoto,
+    /// What the mosaic shows.
+    pub surface: &'a SurfaceTile,
+    /// ε: a face less than this before a point, metres, does not occlude it.
+    pub tolerance_m: f64,
+}
+
+impl Sight<'_> {
+    /// The ray of the surface point at `pixel` and the depth before which a face occludes it.
+    #[inline]
+    pub(super) fn ray_and_limit(&self, pixel: usize) -> (DVec2, f64) {
+        let q = self.photo.camera_from_local(self.surface.points.at(pixel));
+        (ray_of(q), q.z * (1.0 - self.tolerance_m / q.length()))
+    }
+}
+
+/// A batch of at most [`RAYS`] points: where they are, then where the photo shows them.
+#[derive(Debug, Clone)]
+pub(super) struct Batch {
+    pub(super) x: [f64; RAYS],
+    pub(super) y: [f64; RAYS],
+    pub(super) z: [f64; RAYS],
+    /// Depth of each point, metres.
+    pub(super) depth: [f64; RAYS],
+    pub(super) rays: Rays,
+}
+
+impl Default for Batch {
+    fn default() -> Self {
+        let zero = [0.0; RAYS];
+        Self { x: zero, y: zero, z: zero, depth: zero, rays: Rays::default() }
+    }
+}
+
+impl Batch {
+    /// Takes up `count` neighbouring pixels of `surface` from `pixel` on.
+    pub(super) fn take(&mut self, surface: &SurfaceTile, pixel: usize, count: usize) {
+        let range = pixel..pixel + count;
+        self.x[..count].copy_from_slice(&surface.points.x[range.clone()]);
+        self.y[..count].copy_from_slice(&surface.points.y[range.clone()]);
+        self.z[..count].copy_from_slice(&surface.points.z[range]);
+    }
+
+    /// Fills in depths and rays of the first `count` points: bit for bit those of one point alone.
+    pub(super) fn sight(&mut self, photo: &ViewPhoto, count: usize) {
+        run_widest(ToCamera { photo, batch: self, count });
+    }
+}
+
+struct ToCamera<'a> {
+    photo: &'a ViewPhoto,
+    batch: &'a mut Batch,
+    count: usize,
+}
+
+impl Kernel for ToCamera<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "compiled for the widest vectors where it is inlined")]
+    fn run(self) {
+        let Batch { x, y, z, depth, rays } = self.batch;
+        let (x, y, z) = (&x[..self.count], &y[..self.count], &z[..self.count]);
+        let (ray_x, ray_y) = (&mut rays.x[..self.count], &mut rays.y[..self.count]);
+        let depth = &mut depth[..self.count];
+        let pose = self.photo.pose;
+        for k in 0..self.count {
+            let q = super::photo::to_camera(&pose, DVec3::new(x[k], y[k], z[k]));
+            let ray = ray_of(q);
+            (ray_x[k], ray_y[k], depth[k]) = (ray.x, ray.y, q.z);
+        }
+    }
+}
