@@ -64,9 +64,10 @@ fn own(folder: &Path) -> Vec<(PathBuf, Parser)> {
         found.remove(0)
     };
     let work = folder.join("work");
+    let photo = folder.join("photos").join(&scene.shots[0].name);
     vec![
-        (find(work.clone(), "store"), parsers::mesh_store as Parser),
-        (find(work.join("photos"), "tiles"), parsers::photo_store as Parser),
+        (find(work, "store"), parsers::mesh_store as Parser),
+        (corpus::photo_store(&photo, &folder.join("tiles")), parsers::photo_store as Parser),
         (corpus::part(&folder.join("job")), parsers::part as Parser),
     ]
 }

@@ -1,18 +1,21 @@
 //! What is settled once, before the first tile: the mosaic's extent and its pixel size.
 //!
 //! In: the mesh as [`Partitions`], the photos' orientation, a plane frame. Out: [`default_extent`],
-//! [`default_pixel_size`] and the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]).
+//! [`default_pixel_size`], the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]), and an
+//! estimate of what is needed of each photo ([`photo_needs`]).
 //!
 //! Promises: everything is a function of the mesh, the photos and the frame, by rules that do not depend on threads
 //! or memory; one partition at a time is in memory. Which partitions and photos a tile needs is found when it is
 //! rendered: occluders may lie far outside the tile's column.
 
 mod extent;
+mod needs;
 mod partitions;
 mod pixel_size;
 #[cfg(test)]
 mod tests;
 
 pub use extent::{check_meeting, check_pixels, default_extent};
+pub use needs::{PhotoNeed, photo_needs};
 pub use partitions::{Partitions, Slab};
 pub use pixel_size::default_pixel_size;

@@ -81,6 +81,13 @@ impl SlabFrame {
         DVec3::from(self.axes.map(|a| a.dot(point))) + self.at_origin
     }
 
+    /// The local point of u, v and elevation, metres; axes are orthonormal to 1e-12.
+    pub(super) fn lift(&self, at: DVec3) -> DVec3 {
+        let [u, v, n] = self.axes;
+        let d = at - self.at_origin;
+        u * d.x + v * d.y + n * d.z
+    }
+
     /// The direction to the viewer.
     pub(super) fn towards_viewer(&self) -> DVec3 {
         self.axes[2]

@@ -165,6 +165,17 @@ pub struct Run {
     pub peak_memory_bytes: Option<u64>,
     /// Who held how much of it while the tiles were rendered.
     pub memory: Vec<MemoryUse>,
+    /// How much of the photos was decoded.
+    pub photo_pixels: PhotoPixels,
+}
+
+/// Pixels of the photos, at their full size.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct PhotoPixels {
+    /// In the squares of 256 pixels that tiles were rendered from, each counted once.
+    pub needed: u64,
+    /// Decoded from the photos' files in this run, each as often as it was; none where store files were there already.
+    pub decoded: u64,
 }
 
 /// Memory of one consumer.

@@ -12,8 +12,8 @@ mod stages;
 mod summary;
 
 pub use document::{
-    CameraInput, Coverage, FrameSummary, Inputs, LeftOut, MemoryUse, MeshInput, OutputFile, Report,
-    Run,
+    CameraInput, Coverage, FrameSummary, Inputs, LeftOut, MemoryUse, MeshInput, OutputFile,
+    PhotoPixels, Report, Run,
 };
 pub use memory::{peak_resident_bytes, physical_bytes, resident_bytes};
 pub use photos::{PhotoReport, PhotoTally, suspicious};

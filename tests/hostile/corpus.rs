@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::{Parser, parsers};
+use groundel::store::photo::{Demand, PhotoSource, Preparation, Reading, prepare_photos};
 use groundel::synthetic::{Sampling, scenes};
 
 /// A grid of `n` by `n` squares: vertices, and triangles by vertex.
@@ -282,4 +283,24 @@ pub(crate) fn part(folder: &Path) -> PathBuf {
     let job = Run { manifest: &manifest, part: &path, others: &[], tiles: &tiles };
     run(&job, &render, &|_| Ok(())).unwrap();
     path
+}
+
+/// The tile store of a photo, in `folder`.
+pub(crate) fn photo_store(photo: &Path, folder: &Path) -> PathBuf {
+    store_file(photo, folder, Reading::Tiles)
+}
+
+fn store_file(photo: &Path, folder: &Path, reading: Reading) -> PathBuf {
+    let (name, path) = ("a".to_string(), photo.to_path_buf());
+    let source = PhotoSource { name, path, expected: None, demand: Some(Demand::ALL) };
+    let preparation = Preparation {
+        folder,
+        budget_bytes: 64 << 20,
+        beside_bytes: 0,
+        threads: 1,
+        memory_bytes: 0,
+        reading,
+    };
+    let ready = prepare_photos(&[source], &preparation, &|_| Ok(())).unwrap().remove(0).unwrap();
+    ready.store_path().unwrap().to_path_buf()
 }

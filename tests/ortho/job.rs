@@ -1,13 +1,15 @@
 //! A synthetic test scene as files on disk and as a scene to render.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use groundel::camera::CameraSet;
 use groundel::image::{Colour, Depth};
 use groundel::input::open_mesh;
 use groundel::render::{BlendSettings, Interpolation, Scene, ScenePhoto};
 use groundel::store::mesh::MeshBuild;
-use groundel::store::photo::{PhotoSource, PhotoStore, Preparation, prepare_photos};
+use groundel::store::photo::{
+    Demand, PhotoSource, PhotoStore, Preparation, Reading, prepare_photos,
+};
 use groundel::synthetic::{Sampling, TestScene};
 
 /// ε of the occlusion test, as `groundel ortho` takes it by default.
@@ -22,6 +24,16 @@ pub(super) fn write_files(test: &TestScene, folder: &Path) {
 
 /// The scene in `folder`, ready to be rendered, seen by `cameras`.
 pub(super) fn open(test: &TestScene, folder: &Path, cameras: &CameraSet) -> Scene {
+    open_reading(test, folder, cameras, Reading::Auto)
+}
+
+/// Like [`open`], its photos read in one way.
+pub(super) fn open_reading(
+    test: &TestScene,
+    folder: &Path,
+    cameras: &CameraSet,
+    reading: Reading,
+) -> Scene {
     let mesh = open_mesh(&folder.join("mesh.ply")).unwrap();
     let build = MeshBuild {
         work: folder.join("work"),
@@ -33,20 +45,27 @@ pub(super) fn open(test: &TestScene, folder: &Path, cameras: &CameraSet) -> Scen
         name: name.clone(),
         path: folder.join("photos").join(name),
         expected: None,
+        demand: Some(Demand::ALL),
     };
     let sources: Vec<_> = cameras.names.iter().map(source).collect();
     let tiles = folder.join("work/photos");
-    let preparation = Preparation { folder: &tiles, budget_bytes: 64 << 20, threads: 2 };
+    let preparation = Preparation {
+        folder: &tiles,
+        budget_bytes: 64 << 20,
+        beside_bytes: 0,
+        threads: 2,
+        memory_bytes: 16 << 20,
+        reading,
+    };
     let stores = prepare_photos(&sources, &preparation, &|_| Ok(())).unwrap();
-    let paths = stores.into_iter().map(|s| s.unwrap().path().to_path_buf());
-    let entries: Vec<(usize, PathBuf)> = paths.enumerate().collect();
+    let entries = stores.into_iter().map(Result::unwrap).enumerate();
     let origin = mesh.origin();
     let photos = cameras.photos.iter().zip(0..);
     Scene {
         mosaic: test.mosaic().unwrap().local(origin),
         photos: photos.map(|(p, k)| ScenePhoto::new(k, p, origin, 1.0)).collect(),
         mesh,
-        pixels: PhotoStore::open(entries, 16 << 20).unwrap(),
+        pixels: PhotoStore::new(entries, 16 << 20).unwrap(),
         masks: None,
         interpolation: Interpolation::Bicubic,
         blend: BlendSettings {

@@ -7,7 +7,6 @@ use glam::DVec3;
 use xxhash_rust::xxh3::xxh3_128;
 
 use super::super::config::Config;
-use super::super::console;
 use super::choices;
 use super::inputs::Inputs;
 use super::precision;
@@ -18,7 +17,6 @@ use crate::camera::Photo;
 use crate::frame::{Mosaic, frame_toml};
 use crate::image::{Colour, Depth};
 use crate::output::{Georeference, IccProfile, Layer, Meaning, TileFormat, parse_crs};
-use crate::plan::{Slab, check_meeting, check_pixels, default_extent, default_pixel_size};
 use crate::render::{self, Scene, ScenePhoto};
 use crate::report::LeftOut;
 use crate::store::mesh::MeshStore;
@@ -47,11 +45,15 @@ pub(super) struct Job {
 }
 
 impl Job {
-    /// Decides grid, colour, depth and layers.
-    pub(super) fn plan(config: &Config, inputs: &Inputs, stores: Stores) -> Result<Self> {
+    /// Decides colour, depth and layers of a mosaic.
+    pub(super) fn plan(
+        config: &Config,
+        inputs: &Inputs,
+        mosaic: Mosaic,
+        stores: Stores,
+    ) -> Result<Self> {
         let Stores { mesh, pixels, masks, photos, left_out } = stores;
         let mut warnings = precision::warnings(inputs, &mesh);
-        let mosaic = grid(config, &mesh, &photos)?;
         let (colour, depth) = colour_and_depth(&pixels, &photos);
         let blend = render::BlendSettings {
             outliers: choices::outliers(config.outliers),
@@ -105,33 +107,6 @@ struct Rendering {
     interpolation: render::Interpolation,
     blend: render::BlendSettings,
     tolerance_m: f64,
-}
-
-/// The mosaic's grid: what the frame and the flags say, and the defaults for what they do not.
-fn grid(config: &Config, mesh: &MeshStore, photos: &[Photo]) -> Result<Mosaic> {
-    let plane = &config.plane;
-    let elevation = plane.elevation.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-    let slab = Slab { plane, elevation };
-    let pixel_size = if let Some(size) = plane.pixel_size {
-        size
-    } else {
-        let size = default_pixel_size(mesh, slab, plane.extent, photos)?;
-        console::note(&format!(
-            "groundel: --pixel-size {size} (the median footprint of a photo pixel)"
-        ));
-        size
-    };
-    let extent = match plane.extent {
-        Some(extent) => {
-            check_meeting(mesh, slab, extent)?;
-            extent
-        }
-        None => default_extent(mesh, slab, pixel_size)?,
-    };
-    let mosaic = Mosaic::new(plane.clone(), pixel_size, extent, elevation)?;
-    let photo_pixels = photos.iter().map(|p| p.lens.size().area()).sum();
-    check_pixels(mosaic.size, photo_pixels, config.force)?;
-    Ok(mosaic)
 }
 
 /// RGB if any photo has colour, 16 bit if any photo has.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::super::config::Config;
 use crate::camera::Photo;
 use crate::input::photo::read_mask_header;
-use crate::store::photo::PhotoSource;
+use crate::store::photo::{Demand, PhotoSource};
 use crate::{Error, Result};
 
 /// A photo's mask: the photo's id and the mask's file, checked for its size.
@@ -32,7 +32,8 @@ pub(super) fn find(config: &Config, photos: &[Photo]) -> Result<Vec<Mask>> {
         let Some(path) = mask_file(folder, &photo.name)? else { continue };
         check(&path, &config.photos.join(&photo.name), photo)?;
         let (name, expected) = (photo.name.clone(), Some(photo.lens.size()));
-        masks.push(Mask { photo: photo.id.0, source: PhotoSource { name, path, expected } });
+        let source = PhotoSource { name, path, expected, demand: Some(Demand::ALL) };
+        masks.push(Mask { photo: photo.id.0, source });
     }
     if masks.is_empty() {
         let example = photos.first().map(|p| format!(", such as {}.png", p.name));

@@ -1,6 +1,7 @@
-//! `groundel ortho`: inputs → stores → plan → tiles → files → report.
+//! `groundel ortho`: inputs → mesh store → grid → photo store → plan → tiles → files → report.
 
 mod choices;
+mod grid;
 mod inputs;
 mod job;
 mod masks;

@@ -10,7 +10,7 @@ use crate::output::write_atomically;
 use crate::render::{OrthoTile, Statistics};
 use crate::report::{
     CameraInput, Coverage, FrameSummary, Inputs as InputReport, MemoryUse, MeshInput, OutputFile,
-    PhotoReport, PhotoTally, Report, Run, StageLog, peak_resident_bytes,
+    PhotoPixels, PhotoReport, PhotoTally, Report, Run, StageLog, peak_resident_bytes,
 };
 use crate::{Error, Result};
 
@@ -47,6 +47,7 @@ pub(super) fn report(outcome: &Outcome<'_>) -> Result<()> {
             seconds: log.seconds(),
             peak_memory_bytes: peak_resident_bytes(),
             memory: memory.clone(),
+            photo_pixels: photo_pixels(job),
         },
     };
     if let Some(path) = &config.report {
@@ -78,6 +79,11 @@ fn input_report(config: &Config, inputs: &Inputs, job: &Job) -> InputReport {
             left_out: job.left_out.clone(),
         },
     }
+}
+
+fn photo_pixels(job: &Job) -> PhotoPixels {
+    let found = job.scene.pixels.statistics();
+    PhotoPixels { needed: found.pixels_needed, decoded: found.pixels_decoded }
 }
 
 fn frame(job: &Job) -> FrameSummary {

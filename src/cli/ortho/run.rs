@@ -6,17 +6,19 @@ use super::super::config::Config;
 use super::super::console;
 use super::super::interrupt;
 use super::super::progress::Progress;
+use super::grid::grid;
 use super::inputs::Inputs;
 use super::job::Job;
 use super::outputs;
 use super::reporting::{self, Outcome};
-use super::stores::Stores;
+use super::stores::{Stores, UsablePhotos};
 use crate::batch::{
     Assembly, Run, SceneTiles, assemble, completed, curve_order, run as run_batch, statistics,
 };
 use crate::frame::frame_toml;
 use crate::image::{Colour, Depth};
 use crate::output::{BigTiff, Layer, write_atomically};
+use crate::plan::photo_needs;
 use crate::render::{Budget, TileDemand};
 use crate::report::{MemoryUse, StageLog};
 use crate::{Error, Result};
@@ -59,12 +61,19 @@ fn stages(config: &Config) -> Result<ExitStatus> {
     let inputs = log.run("inputs", || Inputs::read(config))?;
     outputs::check(config, &inputs)?;
     let mesh = log.run("mesh store", || Stores::build_mesh(config, &inputs, &budget))?;
-    let stores = log.run("photo store", || Stores::build(config, &inputs, mesh, &budget))?;
+    let photos = log.run("photo headers", || UsablePhotos::check(config, &inputs))?;
+    let (mosaic, needs) = log.run("grid", || {
+        let mosaic = grid(config, &mesh, &photos.photos)?;
+        let needs = photo_needs(&mesh, &mosaic, &photos.photos);
+        Ok((mosaic, needs))
+    })?;
+    let stores =
+        log.run("photo store", || Stores::build(config, &inputs, mesh, (photos, &needs), &budget))?;
     fs::create_dir_all(&config.work).map_err(|e| Error::io(&config.work, e))?;
     for left_out in &stores.left_out {
         console::note(&format!("groundel: {} is left out: {}", left_out.photo, left_out.reason));
     }
-    let job = log.run("plan", || Job::plan(config, &inputs, stores))?;
+    let job = log.run("plan", || Job::plan(config, &inputs, mosaic, stores))?;
     for warning in &job.warnings {
         console::note(&format!("groundel: warning: {warning}"));
     }

@@ -1,15 +1,21 @@
 //! The mesh store and the photo stores of a job.
 
+use std::path::Path;
+
 use super::super::config::Config;
 use super::super::progress::Progress;
 use super::inputs::Inputs;
 use super::masks::Mask;
 use crate::camera::Photo;
 use crate::geom::Size;
+use crate::plan::PhotoNeed;
 use crate::render::Budget;
 use crate::report::LeftOut;
 use crate::store::mesh::{BuildStage, MeshBuild, MeshStore};
-use crate::store::photo::{PhotoSource, PhotoStore, Preparation, prepare_masks, prepare_photos};
+use crate::store::photo::{
+    self, Demand, PhotoSource, PhotoStore, Preparation, Reading, check_headers, prepare_masks,
+    prepare_photos,
+};
 use crate::{Error, Result};
 
 /// The part of the photos' cache that masks get, where there are any: they compress to little, and decode fast.
@@ -55,43 +61,40 @@ impl Stores {
         built
     }
 
-    /// Builds the photos' tile stores, or opens those that are there.
+    /// Makes those of `photos` that are needed ready to be read; `needs` are in their order.
     pub(super) fn build(
         config: &Config,
         inputs: &Inputs,
         mesh: MeshStore,
+        (photos, needs): (UsablePhotos, &[Option<PhotoNeed>]),
         budget: &Budget,
     ) -> Result<Self> {
-        let source = |photo: &Photo| PhotoSource {
-            name: photo.name.clone(),
-            path: config.photos.join(&photo.name),
-            expected: Some(photo.lens.size()),
+        let demand = |need: &PhotoNeed| Demand { pixels: need.pixels, level: need.level };
+        let source = |(photo, need): (&Photo, &Option<PhotoNeed>)| {
+            photo_source(config, photo, need.as_ref().map(demand))
         };
-        let sources: Vec<_> = inputs.photos.iter().map(source).collect();
+        let sources: Vec<_> = photos.photos.iter().zip(needs).map(source).collect();
+        let share = if config.masks.is_some() { budget.photo_bytes / MASK_SHARE } else { 0 };
+        let photo_bytes = budget.photo_bytes - share;
         let folder = config.work.join("photos");
         let preparation = Preparation {
-            folder: &folder,
-            budget_bytes: budget.decode_bytes,
-            threads: config.threads,
+            memory_bytes: photo_bytes,
+            ..preparation(config, &folder, &mesh, budget)
         };
         let progress = Progress::start("photo store", "photos", sources.len() as u64, config.quiet);
         let prepared = prepare_photos(&sources, &preparation, &|_| progress.add(1));
         progress.finish();
-        let (mut photos, mut entries, mut left_out) =
-            (Vec::new(), Vec::new(), inputs.left_out.clone());
-        let mut sizes = Vec::new();
-        for (photo, outcome) in inputs.photos.iter().zip(prepared?) {
+        let UsablePhotos { photos: usable, mut left_out, mut sizes } = photos;
+        let (mut photos, mut entries) = (Vec::new(), Vec::new());
+        for (photo, outcome) in usable.into_iter().zip(prepared?) {
             match outcome {
-                Ok(tiles) => {
-                    entries.push((photo.id.0 as usize, tiles.path().to_path_buf()));
-                    photos.push(photo.clone());
+                Ok(ready) => {
+                    entries.push((photo.id.0 as usize, ready));
+                    photos.push(photo);
                 }
                 Err(left) => {
                     sizes.push(left.sizes);
-                    left_out.push(LeftOut {
-                        photo: photo.name.clone(),
-                        reason: left.reason.to_string(),
-                    });
+                    left_out.push(named(&photo, &left));
                 }
             }
         }
@@ -99,37 +102,95 @@ impl Stores {
         if photos.is_empty() {
             return Err(Error::usage(none_usable(config, &left_out, &sizes)));
         }
-        let masks = build_masks(config, inputs, &photos, budget)?;
-        let mask_bytes = if masks.is_some() { budget.photo_bytes / MASK_SHARE } else { 0 };
-        let pixels = PhotoStore::open(entries, budget.photo_bytes - mask_bytes)?;
+        let is_needed = |id: u32| {
+            let at = entries.binary_search_by_key(&(id as usize), |(k, _)| *k);
+            at.is_ok_and(|at| entries[at].1.is_needed())
+        };
+        let masks: Vec<_> = inputs.masks.iter().filter(|m| is_needed(m.photo)).collect();
+        let masks = build_masks(config, &masks, &mesh, budget)?;
+        let held: u64 = entries.iter().map(|(_, photo)| photo.memory_bytes()).sum();
+        let pixels = PhotoStore::new(entries, photo_bytes.saturating_sub(held))?;
         Ok(Self { mesh, pixels, masks, photos, left_out })
     }
 }
 
-/// Builds the tile stores of the masks of `photos`, or opens those that are there; `None` if there are no masks.
+/// The photos whose headers are in order.
+#[derive(Debug)]
+pub(super) struct UsablePhotos {
+    /// By id.
+    pub(super) photos: Vec<Photo>,
+    left_out: Vec<LeftOut>,
+    /// Of those left out, expected and found size, if only the size is wrong.
+    sizes: Vec<Option<(Size, Size)>>,
+}
+
+impl UsablePhotos {
+    /// Reads the photos' headers.
+    pub(super) fn check(config: &Config, inputs: &Inputs) -> Result<Self> {
+        let sources: Vec<_> = inputs.photos.iter().map(|p| photo_source(config, p, None)).collect();
+        let headers = check_headers(&sources, config.threads)?;
+        let (mut photos, mut left_out, mut sizes) =
+            (Vec::new(), inputs.left_out.clone(), Vec::new());
+        for (photo, header) in inputs.photos.iter().zip(headers) {
+            match header {
+                Ok(_) => photos.push(photo.clone()),
+                Err(left) => {
+                    sizes.push(left.sizes);
+                    left_out.push(named(photo, &left));
+                }
+            }
+        }
+        if photos.is_empty() {
+            left_out.sort_by(|a, b| a.photo.cmp(&b.photo));
+            return Err(Error::usage(none_usable(config, &left_out, &sizes)));
+        }
+        Ok(Self { photos, left_out, sizes })
+    }
+}
+
+fn photo_source(config: &Config, photo: &Photo, demand: Option<Demand>) -> PhotoSource {
+    let path = config.photos.join(&photo.name);
+    PhotoSource { name: photo.name.clone(), path, expected: Some(photo.lens.size()), demand }
+}
+
+fn named(photo: &Photo, left: &photo::LeftOut) -> LeftOut {
+    LeftOut { photo: photo.name.clone(), reason: left.reason.to_string() }
+}
+
+fn preparation<'a>(
+    config: &Config,
+    folder: &'a Path,
+    mesh: &MeshStore,
+    budget: &Budget,
+) -> Preparation<'a> {
+    Preparation {
+        folder,
+        budget_bytes: budget.decode_bytes,
+        beside_bytes: mesh.held_bytes(),
+        threads: config.threads,
+        memory_bytes: 0,
+        reading: Reading::Auto,
+    }
+}
+
+/// Builds the tile stores of the masks, or opens those that are there; `None` if masks were not asked for.
 fn build_masks(
     config: &Config,
-    inputs: &Inputs,
-    photos: &[Photo],
+    masks: &[&Mask],
+    mesh: &MeshStore,
     budget: &Budget,
 ) -> Result<Option<PhotoStore>> {
     if config.masks.is_none() {
         return Ok(None);
     }
-    let is_used = |mask: &&Mask| photos.iter().any(|p| p.id.0 == mask.photo);
-    let masks: Vec<_> = inputs.masks.iter().filter(is_used).collect();
     let sources: Vec<_> = masks.iter().map(|mask| mask.source.clone()).collect();
     let folder = config.work.join("masks");
-    let preparation =
-        Preparation { folder: &folder, budget_bytes: budget.decode_bytes, threads: config.threads };
     let progress = Progress::start("mask store", "masks", sources.len() as u64, config.quiet);
-    let prepared = prepare_masks(&sources, &preparation, &|_| progress.add(1));
+    let prepared =
+        prepare_masks(&sources, &preparation(config, &folder, mesh, budget), &|_| progress.add(1));
     progress.finish();
-    let entries = masks
-        .iter()
-        .zip(prepared?)
-        .map(|(mask, tiles)| (mask.photo as usize, tiles.path().to_path_buf()));
-    PhotoStore::open(entries, budget.photo_bytes / MASK_SHARE).map(Some)
+    let entries = masks.iter().map(|mask| mask.photo as usize).zip(prepared?);
+    PhotoStore::new(entries, budget.photo_bytes / MASK_SHARE).map(Some)
 }
 
 /// How far the whole building is, when `done` of `total` of a stage are done. The faces take most of the time.

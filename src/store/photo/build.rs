@@ -70,7 +70,7 @@ pub(super) enum Content {
 
 impl Content {
     /// The shape of the pyramid of a picture.
-    fn shape(self, header: &PhotoHeader) -> Shape {
+    pub(super) fn shape(self, header: &PhotoHeader) -> Shape {
         match self {
             Self::Photo => {
                 Shape { size: header.size, channels: header.channels, bits: header.bits }

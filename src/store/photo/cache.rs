@@ -13,11 +13,53 @@ pub(super) enum Tile {
 }
 
 impl Tile {
-    fn bytes(&self) -> u64 {
+    /// A tile of so many samples, in the buffer of `old` if that fits; what it holds means nothing yet.
+    pub(super) fn of(bits: u32, samples: usize, old: Option<Self>) -> Self {
+        match (bits, old) {
+            (16, Some(Self::U16(buffer))) if buffer.len() == samples => Self::U16(buffer),
+            (16, _) => Self::U16(vec![0; samples]),
+            (_, Some(Self::U8(buffer))) if buffer.len() == samples => Self::U8(buffer),
+            _ => Self::U8(vec![0; samples]),
+        }
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
         match self {
             Self::U8(samples) => samples.len() as u64,
             Self::U16(samples) => 2 * samples.len() as u64,
         }
+    }
+}
+
+/// Samples that tiles hold.
+pub(super) trait TileSample: super::codec::Sample {
+    fn of(tile: &Tile) -> &[Self];
+    fn tile(samples: Vec<Self>) -> Tile;
+}
+
+impl TileSample for u8 {
+    fn of(tile: &Tile) -> &[Self] {
+        match tile {
+            Tile::U8(samples) => samples,
+            Tile::U16(_) => &[],
+        }
+    }
+
+    fn tile(samples: Vec<Self>) -> Tile {
+        Tile::U8(samples)
+    }
+}
+
+impl TileSample for u16 {
+    fn of(tile: &Tile) -> &[Self] {
+        match tile {
+            Tile::U16(samples) => samples,
+            Tile::U8(_) => &[],
+        }
+    }
+
+    fn tile(samples: Vec<Self>) -> Tile {
+        Tile::U16(samples)
     }
 }
 

@@ -125,6 +125,19 @@ pub(super) struct TileView<'a, S> {
     pub(super) channels: usize,
 }
 
+impl<S: Copy> TileView<'_, S> {
+    /// The samples of the tile alone.
+    pub(super) fn to_vec(self) -> Vec<S> {
+        let row = self.width * self.channels;
+        let mut all = Vec::with_capacity(row * self.height);
+        self.samples
+            .chunks(self.stride)
+            .take(self.height)
+            .for_each(|r| all.extend_from_slice(&r[..row]));
+        all
+    }
+}
+
 /// Encodes tiles; keeps its buffers from one to the next.
 pub(super) struct Encoder<S> {
     zstd: Compressor<'static>,

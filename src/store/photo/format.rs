@@ -53,7 +53,7 @@ impl Shape {
     }
 
     /// Columns and rows of tiles of a level.
-    fn level_tiles(&self, level: u32) -> Size {
+    pub(super) fn level_tiles(&self, level: u32) -> Size {
         let size = self.level_size(level);
         Size::new(size.width.div_ceil(TILE_SIDE), size.height.div_ceil(TILE_SIDE))
     }

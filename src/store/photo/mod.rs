@@ -32,15 +32,26 @@
 
 mod build;
 mod cache;
+mod choice;
 mod codec;
 mod files;
 mod format;
+mod memory;
+mod parallel;
+mod placement;
 mod prepare;
+mod prepared;
 mod pyramid;
 mod reader;
+mod survey;
 #[cfg(test)]
 mod tests;
+mod tile_file;
+mod touched;
 
 pub use build::{PhotoFingerprint, PhotoTiles, working_bytes};
-pub use prepare::{LeftOut, PhotoSource, Preparation, Progress, prepare_masks, prepare_photos};
+pub use choice::Reading;
+pub use prepare::{Preparation, Progress, prepare_masks, prepare_photos};
+pub use prepared::{Demand, PreparedPhoto};
 pub use reader::{CacheStatistics, PhotoStore};
+pub use survey::{LeftOut, PhotoSource, check_headers};

@@ -1,27 +1,18 @@
 //! [`prepare_photos`]: the store files of all photos of a job, built in parallel within a budget of memory.
 
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Condvar, Mutex, PoisonError};
 
-use xxhash_rust::xxh3::xxh3_128;
-
-use super::build::{Content, PhotoFingerprint, PhotoTiles, UNFINISHED_PREFIX, working_bytes};
-use crate::geom::Size;
-use crate::input::photo::{PhotoHeader, read_mask_header, read_photo_header};
+use super::build::{Content, PhotoTiles, UNFINISHED_PREFIX, working_bytes};
+use super::choice::{Reading, Way, choose};
+use super::memory::MemoryTiles;
+use super::parallel::{Budget, in_parallel};
+use super::prepared::PreparedPhoto;
+use super::survey::{LeftOut, Needed, PhotoSource, Survey, left_out_or_fatal, survey};
+use crate::input::photo::PhotoHeader;
 use crate::{Error, Result};
-
-/// A photo to prepare.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct PhotoSource {
-    /// Its name in the job, unique.
-    pub name: String,
-    /// The file.
-    pub path: PathBuf,
-    /// The size that its camera expects, if it is known.
-    pub expected: Option<Size>,
-}
 
 /// How photos are prepared.
 #[derive(Debug, Clone, Copy)]
@@ -30,8 +21,22 @@ pub struct Preparation<'a> {
     pub folder: &'a Path,
     /// Memory for decoding, in bytes; photos are decoded at once as far as their [`working_bytes`] fit.
     pub budget_bytes: u64,
+    /// Memory of others that is held meanwhile, in bytes: what is decoded at once leaves room for it, but one photo alone
+    /// may always be.
+    pub beside_bytes: u64,
     /// Threads to use, at least 1.
     pub threads: usize,
+    /// Memory that decoded photos may keep, in bytes.
+    pub memory_bytes: u64,
+    /// How photos are read.
+    pub reading: Reading,
+}
+
+impl Preparation<'_> {
+    /// Memory for what is decoded at once.
+    pub(super) fn free_bytes(&self) -> u64 {
+        self.budget_bytes.saturating_sub(self.beside_bytes)
+    }
 }
 
 /// How far the preparation has come.
@@ -43,26 +48,19 @@ pub struct Progress {
     pub total: usize,
 }
 
-/// A photo that has to be left out of the job.
-#[derive(Debug)]
-pub struct LeftOut {
-    /// Why: the message names the file.
-    pub reason: Error,
-    /// Expected and found size, if only the size is wrong: when all differ by one factor, the photos were resized.
-    pub sizes: Option<(Size, Size)>,
-}
-
 /// What became of a photo.
-type Outcome = std::result::Result<PhotoTiles, LeftOut>;
+type Outcome = std::result::Result<PreparedPhoto, LeftOut>;
 
-/// Makes the store file of every photo, or opens it where it is there and matches the photo.
+/// Makes every photo that is needed ready to be read: in memory, or in a store file, which is used again where it is
+/// there and matches the photo. The samples are the same in any way.
 ///
 /// The outcomes are in the order of `sources`. A photo that is missing, broken, unsupported or of another size than
-/// expected is left out, with the reason. `progress` is called from several threads, once a photo. A lock on the
-/// folder keeps other processes waiting meanwhile.
+/// expected is left out, with the reason; of one that is not needed only the header tells. `progress` is called from
+/// several threads, once a photo. A lock on the folder keeps other processes waiting meanwhile.
 ///
-/// Steps: 1. in parallel, each header is read and each store file that matches is opened; 2. if one of the others
-/// needs more than the budget, nothing is begun; 3. in parallel, these are built.
+/// Steps: 1. in parallel, each header is read and each store file that matches is opened; 2. it is chosen how each
+/// photo is read (see [`Reading::Auto`]); 3. if a store file has to be built that needs more than the budget, nothing is
+/// begun; 4. in parallel, photos are decoded and store files built.
 ///
 /// # Errors
 /// [`Error::OverBudget`] if a photo cannot be decoded within the budget; [`Error::Io`] for the folder, a full disk,
@@ -84,7 +82,7 @@ pub fn prepare_masks(
     sources: &[PhotoSource],
     preparation: &Preparation<'_>,
     progress: &(dyn Fn(Progress) -> Result<()> + Sync),
-) -> Result<Vec<PhotoTiles>> {
+) -> Result<Vec<PreparedPhoto>> {
     let outcomes = prepare(Content::Mask, sources, preparation, progress)?;
     outcomes.into_iter().map(|outcome| outcome.map_err(|left_out| left_out.reason)).collect()
 }
@@ -112,33 +110,54 @@ fn prepare(
         Ok(survey)
     })?;
     let mut outcomes = Vec::with_capacity(sources.len());
-    let mut works = Vec::new();
+    let (mut numbers, mut needed) = (Vec::new(), Vec::new());
     for (number, survey) in surveyed.into_iter().enumerate() {
         match survey {
             Survey::Known(outcome) => outcomes.push(Some(outcome)),
-            Survey::ToBuild(work) => {
-                check_budget(&sources[number], &work.header, preparation.budget_bytes)?;
+            Survey::Needed(photo) => {
                 outcomes.push(None);
-                works.push((number, work));
+                numbers.push(number);
+                needed.push(photo);
             }
         }
     }
-    let needs = works.iter().map(|(_, work)| working_bytes(&work.header)).collect();
-    let budget = Budget { bytes: preparation.budget_bytes, needs };
-    let built = in_parallel(works.len(), preparation.threads, &budget, |i| {
-        let (number, work) = &works[i];
-        let path = &sources[*number].path;
-        let built =
-            PhotoTiles::build_of(content, path, &work.header, work.fingerprint, &work.store);
-        let outcome = left_out_or_fatal(built, path)?;
+    let ways = choose(content, &needed, preparation);
+    for ((&number, photo), way) in numbers.iter().zip(&needed).zip(&ways) {
+        if *way == Way::Tiles && photo.existing.is_none() {
+            check_budget(&sources[number], &photo.header, preparation.budget_bytes)?;
+        }
+    }
+    let held: u64 = needed.iter().zip(&ways).map(|(p, way)| way.held_bytes(p)).sum();
+    let needs = needed.iter().zip(&ways).map(|(photo, way)| way.working_bytes(photo)).collect();
+    let bytes = preparation.free_bytes().saturating_sub(held);
+    let budget = Budget { bytes, needs };
+    let ready = in_parallel(needed.len(), preparation.threads, &budget, |i| {
+        let path = &sources[numbers[i]].path;
+        let outcome = left_out_or_fatal(make(content, path, &needed[i], ways[i]), path)?;
         report()?;
         Ok(outcome)
     })?;
-    for ((number, _), outcome) in works.iter().zip(built) {
-        outcomes[*number] = Some(outcome);
+    for (number, outcome) in numbers.into_iter().zip(ready) {
+        outcomes[number] = Some(outcome);
     }
-    // None is left empty: a photo is known or was built.
+    // None is left empty: a photo is known or was made ready.
     Ok(outcomes.into_iter().flatten().collect())
+}
+
+/// Makes a photo ready in the way that was chosen.
+fn make(content: Content, path: &Path, photo: &Needed, way: Way) -> Result<PreparedPhoto> {
+    let Needed { header, shape, fingerprint, store, existing, .. } = photo;
+    match (way, existing) {
+        (Way::Memory, _) => {
+            let tiles = Arc::new(MemoryTiles::decode(path, header, *shape)?);
+            Ok(PreparedPhoto::memory(path, *shape, *fingerprint, tiles))
+        }
+        (Way::Tiles, Some(tiles)) => Ok(PreparedPhoto::tiles(tiles.clone())),
+        (Way::Tiles, None) => {
+            let tiles = PhotoTiles::build_of(content, path, header, *fingerprint, store)?;
+            Ok(PreparedPhoto::tiles_just_made(tiles))
+        }
+    }
 }
 
 /// Waits until no other process prepares photos in this folder, and keeps others waiting until it is dropped.
@@ -162,52 +181,6 @@ fn remove_leftovers(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What is known of a photo before any is decoded.
-enum Survey {
-    Known(Outcome),
-    ToBuild(Work),
-}
-
-struct Work {
-    header: PhotoHeader,
-    fingerprint: PhotoFingerprint,
-    store: PathBuf,
-}
-
-fn survey(content: Content, source: &PhotoSource, folder: &Path) -> Result<Survey> {
-    let header = match content {
-        Content::Photo => read_photo_header(&source.path),
-        Content::Mask => read_mask_header(&source.path),
-    };
-    let header = match left_out_or_fatal(header, &source.path)? {
-        Ok(header) => header,
-        Err(left_out) => return Ok(Survey::Known(Err(left_out))),
-    };
-    if let Some(expected) = source.expected.filter(|&size| size != header.size) {
-        let pixels = |size: Size| format!("{} × {} pixels", size.width, size.height);
-        let expected_text = format!("{}, as its camera says", pixels(expected));
-        let reason = Error::corrupt(&source.path, "size", expected_text, pixels(header.size));
-        let sizes = Some((expected, header.size));
-        return Ok(Survey::Known(Err(LeftOut { reason, sizes })));
-    }
-    let fingerprint =
-        match left_out_or_fatal(PhotoFingerprint::of(&source.name, &source.path), &source.path)? {
-            Ok(fingerprint) => fingerprint,
-            Err(left_out) => return Ok(Survey::Known(Err(left_out))),
-        };
-    let store = folder.join(store_name(&source.name));
-    Ok(match PhotoTiles::open_checked(&store) {
-        Ok(tiles) if tiles.fingerprint() == fingerprint => Survey::Known(Ok(tiles)),
-        // Not there, stale, cut or foreign: a new one takes its place.
-        _ => Survey::ToBuild(Work { header, fingerprint, store }),
-    })
-}
-
-/// The file name of a photo's store: names may hold folders and any character.
-fn store_name(name: &str) -> String {
-    format!("{:032x}.tiles", xxh3_128(name.as_bytes()))
-}
-
 fn check_budget(source: &PhotoSource, header: &PhotoHeader, budget_bytes: u64) -> Result<()> {
     let needed_bytes = working_bytes(header);
     if needed_bytes <= budget_bytes {
@@ -221,127 +194,44 @@ fn check_budget(source: &PhotoSource, header: &PhotoHeader, budget_bytes: u64) -
     })
 }
 
-/// Tells a photo that is to be left out from a failure that ends the preparation: of a disk, or of the store.
-fn left_out_or_fatal<T>(
-    result: Result<T>,
-    photo: &Path,
-) -> Result<std::result::Result<T, LeftOut>> {
-    use std::io::ErrorKind::{IsADirectory, NotADirectory, NotFound, PermissionDenied};
-    match result {
-        Ok(value) => Ok(Ok(value)),
-        Err(Error::Io { path, source })
-            if path != photo
-                || !matches!(
-                    source.kind(),
-                    IsADirectory | NotADirectory | NotFound | PermissionDenied
-                ) =>
-        {
-            Err(Error::Io { path, source })
-        }
-        Err(reason) => Ok(Err(LeftOut { reason, sizes: None })),
-    }
-}
-
-/// What pieces of work need of a budget, by index.
-struct Budget {
-    bytes: u64,
-    needs: Vec<u64>,
-}
-
-impl Budget {
-    fn unlimited() -> Self {
-        Self { bytes: u64::MAX, needs: Vec::new() }
-    }
-
-    fn need(&self, index: usize) -> u64 {
-        self.needs.get(index).copied().unwrap_or(0)
-    }
-}
-
-/// The next piece of work, and the bytes of those in progress.
-struct Queue {
-    next: usize,
-    used_bytes: u64,
-    failure: Option<Error>,
-}
-
-/// Does `work` for 0 to `count − 1`, started in that order, on several threads, each piece when its need fits beside
-/// those in progress (one alone always may). The results are in order; after an error no further piece is begun.
-///
-/// Threads of its own, not rayon's: a rayon worker that waits for the budget could not go on with the piece below it
-/// on its stack.
-fn in_parallel<T: Send>(
-    count: usize,
-    threads: usize,
-    budget: &Budget,
-    work: impl Fn(usize) -> Result<T> + Sync,
-) -> Result<Vec<T>> {
-    let queue = Mutex::new(Queue { next: 0, used_bytes: 0, failure: None });
-    let changed = Condvar::new();
-    let take = || {
-        let mut queue = queue.lock().unwrap_or_else(PoisonError::into_inner);
-        loop {
-            if queue.next == count || queue.failure.is_some() {
-                return None;
-            }
-            let need = budget.need(queue.next);
-            if queue.used_bytes == 0 || queue.used_bytes.saturating_add(need) <= budget.bytes {
-                queue.used_bytes += need;
-                queue.next += 1;
-                return Some(queue.next - 1);
-            }
-            queue = changed.wait(queue).unwrap_or_else(PoisonError::into_inner);
-        }
-    };
-    let give_back = |index: usize, failure: Option<Error>| {
-        let mut queue = queue.lock().unwrap_or_else(PoisonError::into_inner);
-        queue.used_bytes -= budget.need(index);
-        queue.failure = queue.failure.take().or(failure);
-        changed.notify_all();
-    };
-    let run = || {
-        let mut results = Vec::new();
-        while let Some(index) = take() {
-            match work(index) {
-                Ok(result) => {
-                    results.push((index, result));
-                    give_back(index, None);
-                }
-                Err(failure) => give_back(index, Some(failure)),
-            }
-        }
-        results
-    };
-    let mut results = std::thread::scope(|scope| {
-        let threads = threads.clamp(1, count.max(1));
-        let handles: Vec<_> = (0..threads).map(|_| scope.spawn(run)).collect();
-        let join = |handle: std::thread::ScopedJoinHandle<'_, Vec<(usize, T)>>| {
-            handle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        };
-        handles.into_iter().flat_map(join).collect::<Vec<_>>()
-    });
-    if let Some(failure) = queue.into_inner().unwrap_or_else(PoisonError::into_inner).failure {
-        return Err(failure);
-    }
-    results.sort_unstable_by_key(|(index, _)| *index);
-    Ok(results.into_iter().map(|(_, result)| result).collect())
-}
-
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+
     use image::ExtendedColorType;
 
     use super::super::PhotoStore;
+    use super::super::prepared::Demand;
+    use super::super::survey::check_headers;
     use super::super::tests::write_photo;
     use super::*;
+    use crate::geom::{PixelRect, Size};
+    use crate::input::photo::read_photo_header;
+
+    /// Into store files, on two threads.
+    fn preparation(folder: &Path, budget_bytes: u64) -> Preparation<'_> {
+        Preparation {
+            folder,
+            budget_bytes,
+            beside_bytes: 0,
+            threads: 2,
+            memory_bytes: 0,
+            reading: Reading::Tiles,
+        }
+    }
 
     fn source(folder: &Path, name: &str, expected: Option<Size>) -> PhotoSource {
-        PhotoSource { name: name.to_string(), path: folder.join(name), expected }
+        PhotoSource {
+            name: name.to_string(),
+            path: folder.join(name),
+            expected,
+            demand: Some(Demand::ALL),
+        }
     }
 
     fn prepare(sources: &[PhotoSource], folder: &Path) -> Result<Vec<Outcome>> {
         let folder = folder.join("store");
-        let preparation = Preparation { folder: &folder, budget_bytes: 1 << 30, threads: 3 };
+        let preparation = Preparation { threads: 3, ..preparation(&folder, 1 << 30) };
         prepare_photos(sources, &preparation, &|_| Ok(()))
     }
 
@@ -396,14 +286,14 @@ mod tests {
         write_photo(&photo, Size::new(300, 40), ExtendedColorType::L8);
         let sources = [source(folder.path(), "a.png", None)];
         let first = prepare(&sources, folder.path()).unwrap().remove(0).unwrap();
-        let written = std::fs::read(first.path()).unwrap();
+        let written = std::fs::read(first.store_path().unwrap()).unwrap();
 
         // Marked where only a reader of tiles looks: if it is still there, the file was not made again.
         let mut marked = written.clone();
         *marked.last_mut().unwrap() ^= 1;
-        std::fs::write(first.path(), &marked).unwrap();
+        std::fs::write(first.store_path().unwrap(), &marked).unwrap();
         assert_eq!(prepare(&sources, folder.path()).unwrap().remove(0).unwrap(), first);
-        assert_eq!(std::fs::read(first.path()).unwrap(), marked);
+        assert_eq!(std::fs::read(first.store_path().unwrap()).unwrap(), marked);
 
         // Damaged in header or index, cut, or foreign: made again, to the same bytes.
         let mut damaged = Vec::new();
@@ -414,17 +304,17 @@ mod tests {
         }
         damaged.extend([written[..written.len() - 1].to_vec(), Vec::new(), b"else".to_vec()]);
         for bytes in damaged {
-            std::fs::write(first.path(), bytes).unwrap();
+            std::fs::write(first.store_path().unwrap(), bytes).unwrap();
             assert_eq!(prepare(&sources, folder.path()).unwrap().remove(0).unwrap(), first);
-            assert_eq!(std::fs::read(first.path()).unwrap(), written);
+            assert_eq!(std::fs::read(first.store_path().unwrap()).unwrap(), written);
         }
 
         // Another photo under the same name: made again, with its pixels.
         write_photo(&photo, Size::new(30, 40), ExtendedColorType::L8);
         let second = prepare(&sources, folder.path()).unwrap().remove(0).unwrap();
-        assert_eq!((second.path(), second.size()), (first.path(), Size::new(30, 40)));
+        assert_eq!((second.store_path(), second.size()), (first.store_path(), Size::new(30, 40)));
         assert!(second.fingerprint() != first.fingerprint());
-        PhotoStore::open([(0, second.path().to_path_buf())], 0).unwrap();
+        PhotoStore::new([(0, second)], 0).unwrap();
     }
 
     #[test]
@@ -439,6 +329,41 @@ mod tests {
     }
 
     #[test]
+    fn of_a_photo_that_is_not_needed_the_header_alone_is_checked() {
+        let folder = tempfile::tempdir().unwrap();
+        let size = Size::new(300, 200);
+        for name in ["whole.jpg", "cut.jpg", "small.jpg"] {
+            write_photo(&folder.path().join(name), size, ExtendedColorType::Rgb8);
+        }
+        let cut = folder.path().join("cut.jpg");
+        let bytes = std::fs::read(&cut).unwrap();
+        std::fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
+        let unneeded = |name, expected| PhotoSource {
+            demand: None,
+            ..source(folder.path(), name, Some(expected))
+        };
+        let sources = [
+            unneeded("whole.jpg", size),
+            unneeded("cut.jpg", size),
+            unneeded("small.jpg", Size::new(600, 400)),
+            unneeded("missing.jpg", size),
+        ];
+        let outcomes = prepare(&sources, folder.path()).unwrap();
+        let is_ready: Vec<_> = outcomes.iter().map(std::result::Result::is_ok).collect();
+        assert_eq!(is_ready, [true, true, false, false]);
+        let headers = check_headers(&sources, 2).unwrap();
+        assert_eq!(headers.iter().map(std::result::Result::is_ok).collect::<Vec<_>>(), is_ready);
+        // No store beside the lock.
+        assert_eq!(std::fs::read_dir(folder.path().join("store")).unwrap().count(), 1);
+        // Its shape is known; a window of it is an error, not a picture.
+        let ready = outcomes.into_iter().next().unwrap().unwrap();
+        let store = PhotoStore::new([(0, ready)], 1 << 20).unwrap();
+        assert_eq!((store.channels(0), store.bits(0), store.level_size(0, 0)), (3, 8, size));
+        let e = store.window(0, 0, PixelRect::new(0, 0, 1, 1)).unwrap_err();
+        assert!(e.to_string().contains("whole.jpg"), "{e}");
+    }
+
+    #[test]
     fn a_photo_beyond_the_budget_is_refused_before_anything_is_built() {
         let folder = tempfile::tempdir().unwrap();
         for (name, width) in [("a.jpg", 100), ("b.jpg", 3000)] {
@@ -449,7 +374,7 @@ mod tests {
         let header = read_photo_header(&sources[1].path).unwrap();
         let store = folder.path().join("store");
         let with = |budget_bytes| {
-            let preparation = Preparation { folder: &store, budget_bytes, threads: 2 };
+            let preparation = preparation(&store, budget_bytes);
             prepare_photos(&sources, &preparation, &|_| Ok(()))
         };
         let e = with(working_bytes(&header) - 1).unwrap_err();
@@ -475,7 +400,7 @@ mod tests {
         }
         let store = folder.path().join("store");
         let of = |name| {
-            let preparation = Preparation { folder: &store, budget_bytes: 200 << 20, threads: 1 };
+            let preparation = preparation(&store, 200 << 20);
             prepare_photos(&[source(folder.path(), name, None)], &preparation, &|_| Ok(()))
         };
         let e = of("progressive.jpg").unwrap_err();
@@ -497,8 +422,8 @@ mod tests {
         write_photo(&folder.path().join("a.png"), Size::new(30, 40), ExtendedColorType::L8);
         let sources = ["a.png", "none.png", "a.png"].map(|name| source(folder.path(), name, None));
         let seen = Mutex::new(Vec::new());
-        let preparation =
-            Preparation { folder: &folder.path().join("s"), budget_bytes: 1 << 30, threads: 2 };
+        let store = folder.path().join("s");
+        let preparation = preparation(&store, 1 << 30);
         let note = |p: Progress| {
             seen.lock().unwrap().push((p.done, p.total));
             Ok(())
@@ -507,35 +432,5 @@ mod tests {
         let mut seen = seen.into_inner().unwrap();
         seen.sort_unstable();
         assert_eq!(seen, [(1, 3), (2, 3), (3, 3)]);
-    }
-
-    #[test]
-    fn work_in_progress_stays_in_the_budget_and_results_in_order() {
-        let needs: Vec<u64> = (0..60).map(|i| 1 + i * 7 % 10).collect();
-        let budget = Budget { bytes: 12, needs: needs.clone() };
-        let used = Mutex::new((0, 0));
-        let results = in_parallel(60, 4, &budget, |i| {
-            let mut now = used.lock().unwrap();
-            now.0 += needs[i];
-            now.1 = now.1.max(now.0);
-            drop(now);
-            std::thread::sleep(std::time::Duration::from_micros(300));
-            used.lock().unwrap().0 -= needs[i];
-            Ok(i)
-        });
-        assert_eq!(results.unwrap(), (0..60).collect::<Vec<_>>());
-        let peak = used.into_inner().unwrap().1;
-        assert!((10..=12).contains(&peak), "{peak}");
-    }
-
-    #[test]
-    fn after_a_failure_nothing_further_is_begun() {
-        let begun = AtomicUsize::new(0);
-        let failed = in_parallel(1000, 2, &Budget::unlimited(), |i| {
-            begun.fetch_add(1, Ordering::Relaxed);
-            if i == 3 { Err(Error::usage("stop")) } else { Ok(()) }
-        });
-        assert!(matches!(failed, Err(Error::Usage(_))));
-        assert!(begun.into_inner() < 1000);
     }
 }

@@ -286,9 +286,9 @@ fn more_photos_than_files_are_kept_open() {
     let naive = Naive::decode(&photo);
     for number in [0, 149, 3, 0].into_iter().chain(0..150) {
         naive.assert_equals(&store.window(number, 0, PixelRect::new(2, 2, 9, 9)).unwrap());
-        assert!(store.files.len() <= 64);
+        assert!(store.files.files.len() <= 64);
     }
-    assert_eq!(store.files.len(), 64);
+    assert_eq!(store.files.files.len(), 64);
 }
 
 #[test]

@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 
 use groundel::input::open_mesh;
 use groundel::store::mesh::MeshBuild;
-use groundel::store::photo::{PhotoSource, Preparation, prepare_photos};
 
 type Parser = fn(&Path) -> groundel::Result<u64>;
 
@@ -45,10 +44,7 @@ fn main() {
     let mesh = open_mesh(&good.join("ascii.ply")).unwrap();
     let store = build.open_or_build(&[mesh.as_ref()], &mut |_, _, _| Ok(())).unwrap();
     into("mesh_store", "store", &fs::read(store.path()).unwrap());
-    let photo = PhotoSource { name: "a".into(), path: good.join("a.png"), expected: None };
-    let tiles = good.join("tiles");
-    let preparation = Preparation { folder: &tiles, budget_bytes: 64 << 20, threads: 1 };
-    let store = prepare_photos(&[photo], &preparation, &|_| Ok(())).unwrap().remove(0).unwrap();
-    into("photo_store", "tiles", &fs::read(store.path()).unwrap());
+    let tiles = corpus::photo_store(&good.join("a.png"), &good.join("tiles"));
+    into("photo_store", "tiles", &fs::read(tiles).unwrap());
     fs::remove_dir_all(&good).unwrap();
 }
