@@ -1,62 +1,54 @@
 //! [`SampleTile`]: the samples of a block of mosaic pixels.
 
+use super::pixel::Scratch;
 use crate::geom::{PixelRect, held_bytes};
-
-/// One photo's colour for one pixel.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sample {
-    /// Not negative, finite.
-    pub(super) weight: f64,
-    /// In the output's range.
-    pub(super) colour: [f32; 3],
-    /// Index in the whole camera set.
-    pub(super) photo: u16,
-    /// Index in the block, row-major.
-    pub(super) pixel: u16,
-}
-
-impl Sample {
-    /// The first `C` channels.
-    #[inline]
-    pub(super) fn channels<const C: usize>(&self) -> [f64; C] {
-        std::array::from_fn(|c| f64::from(self.colour[c]))
-    }
-}
 
 /// Weights beyond are cut, so that no sum of them overflows. No face covers 1e100 photo pixels.
 const GREATEST_WEIGHT: f64 = 1e100;
 
-/// The samples of a block of at most 65,536 mosaic pixels, put in photo by photo, taken out pixel by pixel.
+/// Pixels that are blended at once.
+pub(super) const STRIP: usize = 64;
+
+/// The weight of a photo that does not see the pixel.
+const UNSEEN: f64 = -1.0;
+
+/// One photo's samples, an entry for each pixel of the block, row-major, up to a whole number of
+/// strips.
+#[derive(Debug, Default)]
+pub(super) struct Plane {
+    /// Index in the whole camera set.
+    pub(super) photo: u16,
+    /// In the output's range; a channel after the other.
+    pub(super) colours: [Vec<f32>; 3],
+    /// Not negative, finite; below 0 where the photo does not see the pixel.
+    pub(super) weights: Vec<f64>,
+}
+
+/// The samples of a block of at most 65,536 mosaic pixels, put in photo by photo.
 ///
-/// It takes [`Self::BYTES_A_SAMPLE`] for each sample that there is, whatever the number of photos, and
-/// [`Self::BYTES_A_PIXEL`] for each pixel. Made once a thread and used again for each block: after the first blocks
-/// nothing is allocated any more.
+/// It takes [`Self::BYTES_A_SAMPLE`] for each pixel of each photo that sees any. Made once a thread and used again for
+/// each block: after the first blocks nothing is allocated any more.
 #[derive(Debug, Default)]
 pub struct SampleTile {
     rect: Option<PixelRect>,
-    /// As they came: photos ascending.
-    samples: Vec<Sample>,
-    /// Where a pixel's samples begin in `order`; one more than pixels.
-    starts: Vec<u32>,
-    /// Indices of `samples`, pixels ascending, then photos ascending.
-    order: Vec<u32>,
-    /// The samples of one pixel, together.
-    gathered: Vec<Sample>,
-    /// Which of them the outlier test keeps: memory of the blend, kept here so that it is allocated once.
-    pub(super) kept: Vec<bool>,
+    /// As they came: photos ascending; those beyond `used` are kept for their memory.
+    planes: Vec<Plane>,
+    used: usize,
+    /// Memory of the blend, kept here so that it is allocated once.
+    scratch: Vec<Scratch>,
 }
 
 impl SampleTile {
     /// Memory of one sample.
-    pub const BYTES_A_SAMPLE: usize = size_of::<Sample>() + size_of::<u32>();
-    /// Memory of one pixel, samples not counted.
-    pub const BYTES_A_PIXEL: usize = size_of::<u32>();
+    pub const BYTES_A_SAMPLE: usize = 3 * size_of::<f32>() + size_of::<f64>();
     /// The greatest number of pixels in a block.
     pub const MAX_PIXELS: usize = 1 << 16;
 
     /// Memory held, bytes.
     pub fn memory_bytes(&self) -> u64 {
-        held_bytes(&self.samples) + held_bytes(&self.starts) + held_bytes(&self.order)
+        let plane =
+            |p: &Plane| held_bytes(&p.weights) + p.colours.iter().map(held_bytes).sum::<u64>();
+        self.planes.iter().map(plane).sum::<u64>() + held_bytes(&self.scratch)
     }
 
     /// An empty one.
@@ -71,7 +63,7 @@ impl SampleTile {
     pub fn begin(&mut self, rect: PixelRect) {
         assert!(rect.area() <= Self::MAX_PIXELS, "a block has at most 65,536 pixels: {rect:?}");
         self.rect = Some(rect);
-        self.samples.clear();
+        self.used = 0;
     }
 
     /// The block, in mosaic pixels; empty before the first was begun.
@@ -79,14 +71,9 @@ impl SampleTile {
         self.rect.unwrap_or(PixelRect::new(0, 0, 0, 0))
     }
 
-    /// Number of samples in the block.
-    pub fn len(&self) -> usize {
-        self.samples.len()
-    }
-
     /// Whether the block has no sample.
     pub fn is_empty(&self) -> bool {
-        self.samples.is_empty()
+        self.used == 0
     }
 
     /// Adds samples of photo `photo` (its index in the whole camera set); no pixel twice for a photo.
@@ -107,59 +94,53 @@ impl SampleTile {
         weights: &[f64],
     ) {
         assert!(pixels.len() == colours.len() && pixels.len() == weights.len(), "equal lengths");
-        assert!(self.samples.last().is_none_or(|s| s.photo <= photo), "photos come in id order");
         let area = self.rect().area();
-        self.samples.extend(pixels.iter().zip(colours).zip(weights).map(|((&k, colour), &w)| {
-            assert!((k as usize) < area, "pixel {k} is outside the block of {area}");
-            Sample {
-                // Not a number is not greater than 0.
-                weight: if w > 0.0 { w.min(GREATEST_WEIGHT) } else { 0.0 },
-                colour: colour.map(|v| v * gain),
-                photo,
-                pixel: u16::try_from(k).expect("below the block's area"),
-            }
-        }));
-    }
-
-    /// Calls `f(k, samples)` for each pixel `k` of the block that has samples, pixels ascending, photos ascending.
-    pub(super) fn for_each_pixel(&mut self, mut f: impl FnMut(usize, &[Sample])) {
-        self.sort();
-        for (k, range) in self.starts.windows(2).enumerate() {
-            let order = &self.order[range[0] as usize..range[1] as usize];
-            if !order.is_empty() {
-                self.gathered.clear();
-                self.gathered.extend(order.iter().map(|&i| self.samples[i as usize]));
-                debug_assert!(
-                    self.gathered.is_sorted_by(|a, b| a.photo < b.photo),
-                    "no pixel twice for a photo"
-                );
-                f(k, &self.gathered);
-            }
+        let [red, green, blue] = &mut self.plane(photo).colours;
+        let (red, green, blue) = (&mut red[..area], &mut green[..area], &mut blue[..area]);
+        for (&k, colour) in pixels.iter().zip(colours) {
+            let k = k as usize;
+            let [r, g, b] = *colour;
+            (red[k], green[k], blue[k]) = (r * gain, g * gain, b * gain);
+        }
+        let plane = &mut self.plane(photo).weights[..area];
+        for (&k, &w) in pixels.iter().zip(weights) {
+            debug_assert!(plane[k as usize] < 0.0, "no pixel twice for a photo");
+            // Not a number is not greater than 0.
+            plane[k as usize] = if w > 0.0 { w.min(GREATEST_WEIGHT) } else { 0.0 };
         }
     }
 
-    /// Orders the samples by pixel, keeping that of the photos: a counting sort.
-    fn sort(&mut self) {
-        let pixels = self.rect().area();
-        self.starts.clear();
-        self.starts.resize(pixels + 1, 0);
-        for s in &self.samples {
-            self.starts[usize::from(s.pixel) + 1] += 1;
+    /// The plane of a photo: the last one, or a new one in which it sees nothing.
+    fn plane(&mut self, photo: u16) -> &mut Plane {
+        let last = self.planes[..self.used].last().map(|plane| plane.photo);
+        assert!(last.is_none_or(|last| last <= photo), "photos come in id order");
+        if last != Some(photo) {
+            if self.planes.len() == self.used {
+                self.planes.push(Plane::default());
+            }
+            let len = self.rect().area().next_multiple_of(STRIP);
+            let plane = &mut self.planes[self.used];
+            plane.photo = photo;
+            plane.weights.clear();
+            plane.weights.resize(len, UNSEEN);
+            // Colours of pixels that the photo does not see mean nothing.
+            for of in &mut plane.colours {
+                of.resize(len, 0.0);
+            }
+            self.used += 1;
         }
-        for k in 0..pixels {
-            self.starts[k + 1] += self.starts[k];
-        }
-        self.order.clear();
-        self.order.resize(self.samples.len(), 0);
-        // Each pixel's start moves on to the next one's as its samples find their places …
-        for (i, s) in (0..).zip(&self.samples) {
-            let next = &mut self.starts[usize::from(s.pixel)];
-            self.order[*next as usize] = i;
-            *next += 1;
-        }
-        // … so that all must be moved back by one pixel.
-        self.starts.rotate_right(1);
-        self.starts[0] = 0;
+        &mut self.planes[self.used - 1]
+    }
+
+    /// The photos that see any pixel, by ascending id.
+    #[cfg(test)]
+    fn planes(&self) -> &[Plane] {
+        &self.planes[..self.used]
+    }
+
+    /// The photos that see any pixel, by ascending id, and memory for the blend.
+    pub(super) fn planes_and_scratch(&mut self) -> (&[Plane], &mut Vec<Scratch>) {
+        (&self.planes[..self.used], &mut self.scratch)
     }
 }
 
@@ -167,8 +148,14 @@ impl SampleTile {
 mod tests {
     use super::*;
 
+    /// Photo, weight and first channel of each sample of pixel `k`.
+    fn samples(tile: &SampleTile, k: usize) -> Vec<(u16, f64, f32)> {
+        let seen = tile.planes().iter().filter(|p| p.weights[k] >= 0.0);
+        seen.map(|p| (p.photo, p.weights[k], p.colours[0][k])).collect()
+    }
+
     #[test]
-    fn samples_come_out_by_pixel_with_photos_ascending() {
+    fn samples_lie_by_photo_and_pixel() {
         let mut tile = SampleTile::new();
         for round in 0..2_u8 {
             tile.begin(PixelRect::new(10, 20, 13, 22));
@@ -177,16 +164,11 @@ mod tests {
             tile.push(3, 1.0, &[5, 0], &[c(1.0), c(2.0)], &[0.5, 0.25]);
             tile.push(3, 1.0, &[1], &[c(3.0)], &[4.0]);
             tile.push(9, 2.0, &[0, 5], &[c(4.0), c(5.0)], &[8.0, f64::NAN]);
-            let mut found = Vec::new();
-            tile.for_each_pixel(|k, samples| {
-                found.push((k, samples.iter().map(|s| (s.photo, s.weight)).collect::<Vec<_>>()));
-            });
-            let want = vec![
-                (0, vec![(3, 0.25), (9, 8.0)]),
-                (1, vec![(3, 4.0)]),
-                (5, vec![(3, 0.5), (9, 0.0)]),
-            ];
-            assert_eq!(found, want);
+            let v = f32::from(round);
+            assert_eq!(samples(&tile, 0), [(3, 0.25, 2.0 + v), (9, 8.0, 2.0 * (4.0 + v))]);
+            assert_eq!(samples(&tile, 1), [(3, 4.0, 3.0 + v)]);
+            assert_eq!(samples(&tile, 2), []);
+            assert_eq!(samples(&tile, 5), [(3, 0.5, 1.0 + v), (9, 0.0, 2.0 * (5.0 + v))]);
         }
     }
 
@@ -195,9 +177,7 @@ mod tests {
         let mut tile = SampleTile::new();
         tile.begin(PixelRect::new(0, 0, 256, 256));
         tile.push(0, 257.0, &[65_535], &[[255.0; 3]], &[f64::INFINITY]);
-        let mut found = None;
-        tile.for_each_pixel(|k, s| found = Some((k, s[0].colour, s[0].weight)));
-        assert_eq!(found, Some((65_535, [65_535.0; 3], 1e100)));
+        assert_eq!(samples(&tile, 65_535), [(0, 1e100, 65_535.0)]);
     }
 
     #[test]
@@ -210,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_takes_28_bytes() {
-        assert_eq!(SampleTile::BYTES_A_SAMPLE, 28);
+    fn a_sample_takes_20_bytes() {
+        assert_eq!(SampleTile::BYTES_A_SAMPLE, 20);
     }
 }
