@@ -1,9 +1,16 @@
 //! Interpolation kernels, one for each of (8 bit | 16 bit) × (grey | RGB) × interpolation.
 
+#![expect(
+    clippy::inline_always,
+    clippy::needless_range_loop,
+    reason = "loops compiled for the widest vectors where they are inlined into the kernel"
+)]
+
 use glam::DVec2;
 
 use super::Interpolation;
 use super::taps::{floor, grid_of, half_of, scale_of, taps_of};
+use crate::geom::{Kernel, run_widest};
 use crate::image::{ImageView, Samples, Window};
 
 /// Colour of each of `positions` (level-0 photo pixels, the top-left pixel's centre at (0.5, 0.5)), into `out`.
@@ -70,8 +77,12 @@ fn sample_typed<T: Copy>(
         (Interpolation::Nearest, 3) => each(&grid, positions, out, nearest::<T, 3>),
         (Interpolation::Bilinear, 1) => each(&grid, positions, out, bilinear::<T, 1, 2>),
         (Interpolation::Bilinear, 3) => each(&grid, positions, out, bilinear::<T, 3, 6>),
-        (Interpolation::Bicubic, 1) => bicubic::<T, 1, 4>(&grid, positions, out),
-        (Interpolation::Bicubic, 3) => bicubic::<T, 3, 12>(&grid, positions, out),
+        (Interpolation::Bicubic, 1) => {
+            run_widest(Bicubic::<T, 1, 4> { grid: &grid, positions, out });
+        }
+        (Interpolation::Bicubic, 3) => {
+            run_widest(Bicubic::<T, 3, 12> { grid: &grid, positions, out });
+        }
         _ => unreachable!("a photo has 1 or 3 channels, not {channels}"),
     }
 }
@@ -153,66 +164,112 @@ where
     rgb(std::array::from_fn::<_, C, _>(|c| column[c] + at.fx * (column[C + c] - column[c])))
 }
 
-/// Positions of one round of [`bicubic`]; their columns stay in the nearest cache.
-const ROUND: usize = 32;
+/// Positions of one round of [`Bicubic`]; what is known of them stays in the nearest cache.
+const ROUND: usize = 64;
 
 /// `C` channels, `N` = 4 `C` samples a row of taps.
-///
-/// The columns of a round go through memory because that is what makes the compiler use vectors for them (twice as
-/// fast as one position after the other).
-fn bicubic<T: Copy, const C: usize, const N: usize>(
-    grid: &Grid<'_, T>,
-    positions: &[DVec2],
-    out: &mut [[f32; 3]],
-) where
+struct Bicubic<'a, T, const C: usize, const N: usize> {
+    grid: &'a Grid<'a, T>,
+    positions: &'a [DVec2],
+    out: &'a mut [[f32; 3]],
+}
+
+impl<T: Copy, const C: usize, const N: usize> Kernel for Bicubic<'_, T, C, N>
+where
     f32: From<T>,
 {
-    let mut columns = [[0.0; N]; ROUND];
-    let mut fx = [0.0; ROUND];
-    for (positions, out) in positions.chunks(ROUND).zip(out.chunks_mut(ROUND)) {
-        // Down the columns of taps, all of a row at once.
-        for ((&p, column), fx) in positions.iter().zip(&mut columns).zip(&mut fx) {
-            let at = grid.anchor(p);
-            *fx = at.fx;
-            down(grid, &at, column);
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { grid, positions, out } = self;
+        let mut anchors = Anchors::default();
+        let mut columns = [[0.0; N]; ROUND];
+        for (positions, out) in positions.chunks(ROUND).zip(out.chunks_mut(ROUND)) {
+            anchors.find(grid, positions);
+            // Down the columns of taps, all of a row at once. They go through memory because that is what makes the
+            // compiler use vectors for them.
+            for (k, column) in columns[..out.len()].iter_mut().enumerate() {
+                down(&grid.data[anchors.first[k] as usize..], grid.stride, anchors.fy[k], column);
+            }
+            // Then along the row that this leaves.
+            for (k, out) in out.iter_mut().enumerate() {
+                let (w, column) = (keys(anchors.fx[k]), &columns[k]);
+                *out = rgb(std::array::from_fn::<_, C, _>(|c| {
+                    convolve(w, [column[c], column[C + c], column[2 * C + c], column[3 * C + c]])
+                }));
+            }
         }
-        // Then along the row that this leaves.
-        for ((column, &fx), out) in columns.iter().zip(&fx).zip(out) {
-            let w = keys(fx);
-            *out = rgb(std::array::from_fn::<_, C, _>(|c| {
-                convolve(w, [column[c], column[C + c], column[2 * C + c], column[3 * C + c]])
-            }));
+    }
+}
+
+/// Where the positions of one round fall: see [`Anchor`].
+struct Anchors {
+    first: [u32; ROUND],
+    fx: [f32; ROUND],
+    fy: [f32; ROUND],
+}
+
+impl Default for Anchors {
+    fn default() -> Self {
+        Self { first: [0; ROUND], fx: [0.0; ROUND], fy: [0.0; ROUND] }
+    }
+}
+
+impl Anchors {
+    /// The same as [`Grid::anchor`] for each of at most [`ROUND`] positions.
+    #[inline(always)]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_possible_wrap,
+        reason = "taps were checked: they lie in a window of less than 2³¹ samples; weights are f32"
+    )]
+    fn find<T>(&mut self, grid: &Grid<'_, T>, positions: &[DVec2]) {
+        let (x0, y0) = (grid.origin.0 as i32, grid.origin.1 as i32);
+        let (stride, channels) = (grid.stride as i32, grid.channels as i32);
+        for (k, p) in positions.iter().enumerate() {
+            let at = grid_of(*p, grid.scale, grid.half);
+            let (x, y) = (floor(at.x), floor(at.y));
+            let row = y.wrapping_sub(y0).wrapping_mul(stride);
+            let column = x.wrapping_sub(x0).wrapping_mul(channels);
+            self.first[k] = row.wrapping_add(column) as u32;
+            self.fx[k] = (at.x - f64::from(x)) as f32;
+            self.fy[k] = (at.y - f64::from(y)) as f32;
         }
     }
 }
 
 /// The four rows of taps, convolved into one.
-#[inline]
-fn down<T: Copy, const N: usize>(grid: &Grid<'_, T>, at: &Anchor, column: &mut [f32; N])
+#[inline(always)]
+fn down<T: Copy, const N: usize>(taps: &[T], stride: usize, fy: f32, column: &mut [f32; N])
 where
     f32: From<T>,
 {
-    let w = keys(at.fy);
-    let rows: [&[T; N]; 4] = [grid.row(at, 0), grid.row(at, 1), grid.row(at, 2), grid.row(at, 3)];
-    for (k, out) in column.iter_mut().enumerate() {
-        *out = convolve(w, rows.map(|r| f32::from(r[k])));
+    let w = keys(fy);
+    let row =
+        |k: usize| -> &[T; N] { taps[k * stride..].first_chunk().expect("taps were checked") };
+    let (t0, t1, t2, t3) = (row(0), row(1), row(2), row(3));
+    for k in 0..N {
+        let taps = [f32::from(t0[k]), f32::from(t1[k]), f32::from(t2[k]), f32::from(t3[k])];
+        column[k] = convolve(w, taps);
     }
 }
 
 /// Tap 0 (the second) plus the weighted differences of the others to it.
-#[inline]
+#[inline(always)]
 fn convolve(w: [f32; 3], [t0, t1, t2, t3]: [f32; 4]) -> f32 {
     t1 + (w[0] * (t0 - t1) + w[1] * (t2 - t1) + w[2] * (t3 - t1))
 }
 
 /// Keys' weights with a = −½ of the taps −1, 1 and 2 for a fraction `f` past tap 0, whose own weight is the rest to 1.
-#[inline]
+#[inline(always)]
 fn keys(f: f32) -> [f32; 3] {
     [f * (f * (1.0 - 0.5 * f) - 0.5), f * (f * (2.0 - 1.5 * f) + 0.5), f * f * (0.5 * f - 0.5)]
 }
 
 /// Grey replicated, or RGB as it is.
-#[inline]
+#[inline(always)]
 fn rgb<const C: usize>(v: [f32; C]) -> [f32; 3] {
     std::array::from_fn(|k| v[k.min(C - 1)])
 }

@@ -39,7 +39,8 @@ impl Interpolation {
 ///
 /// The level's pixel `i` has its centre at `i + ½`, so between centres the grid is the position less ½; nearest
 /// takes the pixel around the position itself. The scale is a power of two, hence exact.
-#[inline]
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "part of a kernel")]
 pub(super) fn grid_of(position: DVec2, scale: f64, half: f64) -> DVec2 {
     position * scale - half
 }
@@ -56,7 +57,8 @@ pub(super) fn scale_of(level: u32) -> f64 {
 }
 
 /// ⌊v⌋, for |v| < 2³¹ (saturating beyond; 0 for NaN): one conversion, where `f64::floor` is a library call on x86-64.
-#[inline]
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "part of a kernel")]
 pub(super) fn floor(v: f64) -> i32 {
     #[expect(clippy::cast_possible_truncation, reason = "truncation is the first half of a floor")]
     let t = v as i32;
