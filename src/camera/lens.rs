@@ -127,10 +127,10 @@ impl Lens {
     /// Whether a photo position lies in the frame: 0 ≤ x < width and 0 ≤ y < height.
     #[inline]
     pub fn contains(&self, position_px: DVec2) -> bool {
-        position_px.x >= 0.0
-            && position_px.y >= 0.0
-            && position_px.x < f64::from(self.size.width)
-            && position_px.y < f64::from(self.size.height)
+        (position_px.x >= 0.0)
+            & (position_px.y >= 0.0)
+            & (position_px.x < f64::from(self.size.width))
+            & (position_px.y < f64::from(self.size.height))
     }
 
     /// The radius |(x/z, y/z)| below which the model holds: the *first* positive root of the derivative of the

@@ -205,7 +205,7 @@ impl<'a> Renderer<'a> {
             let tolerance_m = self.scene.tolerance_m;
             view.points.start(&Sight { photo: &p.view, surface, tolerance_m }, &mut self.rays);
             if !view.points.is_empty() {
-                view.cells.start(&p.view, &self.rays);
+                view.cells.start(&p.view, &mut self.rays);
                 view.tile.start_block(surface);
                 count += 1;
             }

@@ -12,7 +12,7 @@ use super::face_test::FaceTest;
 use super::photo::{Shaft, ViewPhoto};
 use super::points::{BlockPoints, RayPoints};
 use super::sight::Sight;
-use crate::geom::{Bounds2, Bounds3, FaceBlock, LANES, held_bytes, run_widest};
+use crate::geom::{Bounds2, Bounds3, FaceBlock, Kernel, LANES, held_bytes, run_widest};
 
 /// Width and height of a cell, photo pixels. A typical face is two pixels wide: fewer, longer rows of points.
 const CELL_PX: [f32; 2] = [1.0, 2.0];
@@ -29,6 +29,8 @@ pub struct PointCells {
     starts: Vec<u32>,
     points: SortedPoints,
     in_sight: usize,
+    /// Cell of each point, in the order in which they came.
+    cells: Vec<u32>,
 }
 
 /// Points in the order of their cells, one entry a point in each array, then [`LANES`] entries that no face hides.
@@ -70,10 +72,12 @@ impl PointCells {
             + [&p.x, &p.y, &p.limit].into_iter().map(held_bytes).sum::<u64>()
             + held_bytes(&p.face)
             + held_bytes(&p.index)
+            + held_bytes(&self.cells)
     }
 
-    /// Bins the points of one photo in cells of a few photo pixels.
-    pub fn start(&mut self, photo: &ViewPhoto, points: &RayPoints) {
+    /// Bins the points of one photo in cells of a few photo pixels; the coordinates of `points` become places in the
+    /// grid.
+    pub fn start(&mut self, photo: &ViewPhoto, points: &mut RayPoints) {
         let count = points.x.len();
         self.in_sight = count;
         self.starts.clear();
@@ -101,34 +105,36 @@ impl PointCells {
     }
 
     /// A counting sort by cell: sizes, starts, then each point to its place.
-    fn sort(&mut self, points: &RayPoints, [min_x, min_y]: [f32; 2], [scale_x, scale_y]: [f32; 2]) {
+    fn sort(&mut self, points: &mut RayPoints, least: [f32; 2], scale: [f32; 2]) {
         let [columns, rows] = self.grid.size();
-        let count = points.x.len();
-        let place = |k: usize| {
-            let (x, y) = ((points.x[k] - min_x) * scale_x, (points.y[k] - min_y) * scale_y);
-            let cell = index(y).min(rows - 1) * columns + index(x).min(columns - 1);
-            (x, y, cell)
-        };
+        run_widest(Placement {
+            points,
+            cells: &mut self.cells,
+            least,
+            scale,
+            size: [columns, rows],
+        });
+        // Two places to the right, so that starts become the ends of the cells before while points find their places.
         self.starts.resize(columns * rows + 2, 0);
-        // One place to the right, so that starts become the ends of the cells before while points find their places.
-        for k in 0..count {
-            self.starts[place(k).2 + 2] += 1;
+        let counts = &mut self.starts[2..];
+        for &cell in &self.cells {
+            if let Some(count) = counts.get_mut(cell as usize) {
+                *count += 1;
+            }
         }
         let mut sum = 0;
         for start in &mut self.starts {
             sum += *start;
             *start = sum;
         }
-        self.points.resize(count);
-        for k in 0..count {
-            let (x, y, cell) = place(k);
-            let next = &mut self.starts[cell + 1];
+        self.points.resize(points.x.len());
+        let SortedPoints { x, y, limit, face, index } = &mut self.points;
+        let from = points.x.iter().zip(&points.y).zip(&points.limit).zip(&points.face);
+        for ((k, &cell), (((&px, &py), &plimit), &pface)) in (0..).zip(&self.cells).zip(from) {
+            let next = &mut self.starts[cell as usize + 1];
             let to = *next as usize;
             *next += 1;
-            let sorted = &mut self.points;
-            (sorted.x[to], sorted.y[to]) = (x, y);
-            (sorted.limit[to], sorted.face[to]) = (points.limit[k], points.face[k]);
-            sorted.index[to] = u32::try_from(k).expect("a tile has fewer than 2³² pixels");
+            (x[to], y[to], limit[to], face[to], index[to]) = (px, py, plimit, pface, k);
         }
     }
 
@@ -188,6 +194,44 @@ impl PointCells {
                 sorted.limit[k] = 0.0;
                 self.in_sight -= 1;
             }
+        }
+    }
+}
+
+/// Turns rays into places in the grid and finds their cells.
+struct Placement<'a> {
+    points: &'a mut RayPoints,
+    cells: &'a mut Vec<u32>,
+    least: [f32; 2],
+    scale: [f32; 2],
+    size: [usize; 2],
+}
+
+impl Kernel for Placement<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    #[expect(
+        clippy::inline_always,
+        clippy::cast_possible_truncation,
+        clippy::cast_possible_wrap,
+        clippy::cast_sign_loss,
+        reason = "a kernel; a grid has fewer than 2³¹ cells"
+    )]
+    fn run(self) {
+        let Self { points, cells, least, scale, size: [columns, rows] } = self;
+        let (columns, last_column, last_row) =
+            (columns as i32, columns as i32 - 1, rows as i32 - 1);
+        let count = points.x.len();
+        cells.resize(count, 0);
+        let (xs, ys, cells) = (&mut points.x[..count], &mut points.y[..count], &mut cells[..count]);
+        for k in 0..count {
+            let (x, y) = ((xs[k] - least[0]) * scale[0], (ys[k] - least[1]) * scale[1]);
+            (xs[k], ys[k]) = (x, y);
+            let (column, row) = (x as i32, y as i32);
+            let column = if column < last_column { column } else { last_column };
+            let row = if row < last_row { row } else { last_row };
+            cells[k] = row.wrapping_mul(columns).wrapping_add(column) as u32;
         }
     }
 }

@@ -2,9 +2,10 @@
 
 use glam::DVec2;
 
+use super::photo::ViewPhoto;
 use super::sight::{Batch, Sight};
 use crate::camera::RAYS;
-use crate::geom::{PixelRect, held_bytes};
+use crate::geom::{Kernel, PixelRect, held_bytes, run_widest};
 use crate::surface::SurfaceTile;
 
 /// Side of a sub-block, mosaic pixels: the points of a block are listed sub-block by sub-block, so that sampling and
@@ -58,6 +59,71 @@ pub struct BlockPoints {
     subs: Vec<PixelRect>,
     facing: Vec<bool>,
     batch: Batch,
+    entries: Entries,
+}
+
+/// What [`RayPoints`] and [`BlockPoints`] take of one row of a sub-block.
+#[derive(Debug)]
+struct Entries {
+    x: [f32; SIDE],
+    y: [f32; SIDE],
+    /// 0 for a point that is not before the photo, or not in its frame.
+    limit: [f32; SIDE],
+    /// Index of the face in the surface tile.
+    face: [u32; SIDE],
+    place: [u16; SIDE],
+}
+
+impl Default for Entries {
+    fn default() -> Self {
+        let zero = [0.0; SIDE];
+        Self { x: zero, y: zero, limit: zero, face: [0; SIDE], place: [0; SIDE] }
+    }
+}
+
+/// Enters the points of a batch that are before the photo and in its frame.
+struct Enter<'a> {
+    photo: &'a ViewPhoto,
+    batch: &'a Batch,
+    /// The ray of the first such point of the block.
+    origin: &'a mut Option<DVec2>,
+    entries: &'a mut Entries,
+    count: usize,
+}
+
+impl Kernel for Enter<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    #[expect(
+        clippy::inline_always,
+        clippy::cast_possible_truncation,
+        reason = "a kernel; what rounding takes is more than made good by the slack"
+    )]
+    fn run(self) {
+        let Self { photo, batch, origin: found, entries, count } = self;
+        let (lens, focal) = (&photo.lens, photo.lens.focal_px());
+        let (px, py) = (&batch.rays.photo_x[..count], &batch.rays.photo_y[..count]);
+        let (depth, limit) = (&batch.depth[..count], &mut entries.limit[..count]);
+        for k in 0..count {
+            // Not a number, where there is no surface, is not in front.
+            let is_before = (depth[k] > 0.0) & lens.contains(DVec2::new(px[k], py[k]));
+            limit[k] = if is_before { depth[k] as f32 * LIMIT_SLACK } else { 0.0 };
+        }
+        let (ray_x, ray_y) = (&batch.rays.x[..count], &batch.rays.y[..count]);
+        let Some(origin) = found.or_else(|| {
+            let first = limit.iter().position(|&limit| limit > 0.0)?;
+            Some(DVec2::new(ray_x[first], ray_y[first]))
+        }) else {
+            return;
+        };
+        *found = Some(origin);
+        let (x, y) = (&mut entries.x[..count], &mut entries.y[..count]);
+        for k in 0..count {
+            x[k] = ((ray_x[k] - origin.x) * focal.x) as f32;
+            y[k] = ((ray_y[k] - origin.y) * focal.y) as f32;
+        }
+    }
 }
 
 impl BlockPoints {
@@ -115,30 +181,28 @@ impl BlockPoints {
         self.batch.take(surface, first, count);
         self.batch.sight(photo, count);
         photo.lens.photos_from_rays(&mut self.batch.rays, count);
-        let (batch, faces_at) = (&self.batch, &surface.faces_at[first..first + count]);
-        let focal = photo.lens.focal_px();
+        let entries = &mut self.entries;
+        run_widest(Enter { photo, batch: &self.batch, origin, entries, count });
+        // Those that are before the photo move up, without a branch: which they are cannot be foretold.
         let row = usize::try_from(y - sub.y0).expect("inside the sub-block") * SIDE;
-        for (k, &face) in faces_at.iter().enumerate() {
-            let position = DVec2::new(batch.rays.photo_x[k], batch.rays.photo_y[k]);
-            let depth = batch.depth[k];
-            // Not a number, where there is no surface, is not in front.
-            let is_before =
-                depth > 0.0 && photo.lens.contains(position) && self.facing[face as usize];
-            if !is_before {
-                continue;
-            }
-            let ray = DVec2::new(batch.rays.x[k], batch.rays.y[k]);
-            let at = ((ray - *origin.get_or_insert(ray)) * focal).as_vec2();
-            rays.x.push(at.x);
-            rays.y.push(at.y);
-            #[expect(
-                clippy::cast_possible_truncation,
-                reason = "more than made good by the slack"
-            )]
-            rays.limit.push(depth as f32 * LIMIT_SLACK);
-            rays.face.push(surface.faces[face as usize].id.0);
-            self.places.push(u16::try_from(row + k).expect("a sub-block has 2¹² pixels"));
+        let mut kept = 0;
+        for (k, &face) in surface.faces_at[first..first + count].iter().enumerate() {
+            // A pixel without a face has no point either, so its limit is 0.
+            let is_facing = self.facing.get(face as usize).copied().unwrap_or(false);
+            let is_kept = is_facing & (entries.limit[k] > 0.0);
+            entries.x[kept] = entries.x[k];
+            entries.y[kept] = entries.y[k];
+            entries.limit[kept] = entries.limit[k];
+            entries.face[kept] = face;
+            entries.place[kept] = u16::try_from(row + k).expect("a sub-block has 2¹² pixels");
+            kept += usize::from(is_kept);
         }
+        rays.x.extend_from_slice(&entries.x[..kept]);
+        rays.y.extend_from_slice(&entries.y[..kept]);
+        rays.limit.extend_from_slice(&entries.limit[..kept]);
+        let ids = entries.face[..kept].iter().map(|&f| surface.faces[f as usize].id.0);
+        rays.face.extend(ids);
+        self.places.extend_from_slice(&entries.place[..kept]);
     }
 
     fn count(&self) -> u32 {

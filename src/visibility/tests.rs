@@ -69,7 +69,7 @@ fn seen(mesh: &Mesh, surface: &SurfaceTile, photo: &ViewPhoto, blocks: usize) ->
     let (mut cells, mut scratch) = (PointCells::default(), OcclusionScratch::default());
     let sight = Sight { photo, surface, tolerance_m: TOLERANCE };
     points.start(&sight, &mut rays);
-    cells.start(photo, &rays);
+    cells.start(photo, &mut rays);
     for block in mesh.blocks(blocks) {
         if cells.may_be_hidden_by(&block.bounds) {
             cells.occlude(&sight, &block, &mut points, &mut scratch);

@@ -21,18 +21,16 @@ enum Projection {
 
 /// A face in one photo.
 #[derive(Debug, Clone, Copy)]
-enum FaceView {
-    Unknown,
-    Known {
-        /// Its area in photo pixels; NaN if a corner has no projection.
-        area: f64,
-        /// Twice the volume that it spans with the perspective centre: times the magnification on the ray and by the
-        /// depth cubed, twice its area in photo pixels if it were all at that point.
-        spread: f64,
-        /// The same for the part of its plane that one mosaic pixel shows.
-        pixel_spread: f64,
-    },
+struct FaceView {
+    /// Its area in photo pixels; NaN if a corner has no projection, [`UNKNOWN`] before the face was met.
+    area: f64,
+    /// Photo pixels that a mosaic pixel's part of the face's plane covers at a point, by the magnification there over
+    /// the depth cubed.
+    pixel_spread: f64,
 }
+
+/// No area.
+const UNKNOWN: f64 = -1.0;
 
 /// The pixels of a part of a surface tile that one photo sees, in the order given; one entry a pixel in each array.
 #[derive(Debug, Default)]
@@ -86,7 +84,8 @@ impl ViewTile {
     /// Starts a block: no face is known.
     pub fn start_block(&mut self, surface: &SurfaceTile) {
         self.faces.clear();
-        self.faces.resize(surface.faces.len(), FaceView::Unknown);
+        let unknown = FaceView { area: UNKNOWN, pixel_spread: 0.0 };
+        self.faces.resize(surface.faces.len(), unknown);
         self.projections.clear();
         self.projections.resize(surface.vertices.len(), Projection::Unknown);
     }
@@ -132,32 +131,34 @@ impl ViewTile {
             self.batch.sight(photo, count);
             photo.lens.photos_from_rays_jacobian(&mut self.batch.rays, count);
             for (k, &(pixel, in_sub)) in taken[..count].iter().enumerate() {
-                self.push(surface, mosaic, photo, (k, pixel, in_sub));
+                let face = surface.faces_at[pixel] as usize;
+                if self.faces[face].area == UNKNOWN {
+                    self.faces[face] = self.face_view(surface, mosaic, photo, &surface.faces[face]);
+                }
+                self.push(surface, photo, (k, face, in_sub));
             }
         }
     }
 
-    /// Enters point `k` of the batch.
+    /// Enters point `k` of the batch, on a face that is known.
     #[inline]
     fn push(
         &mut self,
         surface: &SurfaceTile,
-        mosaic: &LocalMosaic,
         photo: &ViewPhoto,
-        (k, pixel, in_sub): (usize, usize, u32),
+        (k, face, pixel): (usize, usize, u32),
     ) {
-        let face_index = surface.faces_at[pixel] as usize;
-        if matches!(self.faces[face_index], FaceView::Unknown) {
-            self.faces[face_index] =
-                self.face_view(surface, mosaic, photo, &surface.faces[face_index]);
-        }
-        let FaceView::Known { area, spread, pixel_spread } = self.faces[face_index] else { return };
+        let FaceView { area, pixel_spread } = self.faces[face];
         let depth = self.batch.depth[k];
         let magnification = self.batch.rays.magnification[k] / (depth * depth * depth);
-        // Where a vertex is behind the camera or beyond the lens, the Jacobian at the point stands in.
-        let weight = if area.is_nan() { 0.5 * spread * magnification } else { area };
+        let weight = if area.is_nan() {
+            // A vertex is behind the camera or beyond the lens: the Jacobian at the point stands in.
+            0.5 * spread(surface, photo, &surface.faces[face]) * magnification
+        } else {
+            area
+        };
         let position = DVec2::new(self.batch.rays.photo_x[k], self.batch.rays.photo_y[k]);
-        self.pixels.push(in_sub);
+        self.pixels.push(pixel);
         self.positions.push(position);
         self.footprints_squared.push(pixel_spread * magnification);
         self.weights.push(weight);
@@ -170,12 +171,11 @@ impl ViewTile {
         photo: &ViewPhoto,
         face: &SurfaceFace,
     ) -> FaceView {
-        let [a, ..] = surface.corners(face);
-        let spread = face.normal.dot(a - photo.pose.centre).abs();
         let pixel_area = mosaic.pixel_size() * mosaic.pixel_size();
-        let pixel_spread = pixel_area * spread / face.normal.dot(mosaic.towards_viewer()).abs();
+        let slope = face.normal.dot(mosaic.towards_viewer()).abs();
+        let pixel_spread = pixel_area * spread(surface, photo, face) / slope;
         let area = self.projected_area(surface, photo, face).unwrap_or(f64::NAN);
-        FaceView::Known { area, spread, pixel_spread }
+        FaceView { area, pixel_spread }
     }
 
     /// Area of a face in photo pixels, its corners projected with distortion; `None` if one has no projection.
@@ -199,6 +199,13 @@ impl ViewTile {
         let [a, b, c] = corners;
         Some(0.5 * orient2d(a, b, c).abs())
     }
+}
+
+/// Six times the volume that a face spans with the perspective centre: by the magnification on a ray over the depth
+/// cubed, twice the face's area in photo pixels if all of it were at that point.
+fn spread(surface: &SurfaceTile, photo: &ViewPhoto, face: &SurfaceFace) -> f64 {
+    let [a, ..] = surface.corners(face);
+    face.normal.dot(a - photo.pose.centre).abs()
 }
 
 fn project(photo: &ViewPhoto, p: DVec3) -> Projection {
