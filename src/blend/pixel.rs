@@ -157,10 +157,11 @@ fn samples_at<const C: usize>(plane: &Plane, first: usize) -> (&Strip, [Strip; C
     (weights, colours)
 }
 
-/// `a` where `is` holds, else `b`; made to be a blend of vectors.
+/// `a` where `is` holds, else `b`: by bits, lest the compiler make a branch or a masked store of it.
 #[inline(always)]
 fn select(is: bool, a: f64, b: f64) -> f64 {
-    if is { a } else { b }
+    let mask = u64::from(is).wrapping_neg();
+    f64::from_bits((a.to_bits() & mask) | (b.to_bits() & !mask))
 }
 
 /// DESIGN.md §1.4 and §1.5 for the pixels from `first` on.

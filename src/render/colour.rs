@@ -117,6 +117,10 @@ impl Sampler {
     /// Samples every point of `view` from photo `k` of the store, each at the level of its own footprint.
     fn sample(&mut self, scene: &Scene, k: usize, view: &ViewTile) -> Result<()> {
         let levels = scene.pixels.levels(k);
+        let greatest = view.footprints_squared.iter().fold(0.0, |max: f64, &f| max.max(f));
+        if level_of(greatest, levels) == 0 {
+            return self.sample_finest(scene, k, &view.positions);
+        }
         self.levels.clear();
         self.levels.extend(view.footprints_squared.iter().map(|&f| level_of(f, levels)));
         self.colours.clear();
@@ -130,6 +134,36 @@ impl Sampler {
             self.chosen = chosen;
             done?;
         }
+        Ok(())
+    }
+
+    /// Samples all points at level 0.
+    fn sample_finest(&mut self, scene: &Scene, k: usize, positions: &[DVec2]) -> Result<()> {
+        let mut colours = std::mem::take(&mut self.colours);
+        colours.clear();
+        colours.resize(positions.len(), [0.0; 3]);
+        let done = self.sample_part(scene, k, positions, &mut colours);
+        self.colours = colours;
+        done
+    }
+
+    /// Samples some points at level 0: in one window, or in halves where that would be too large.
+    fn sample_part(
+        &mut self,
+        scene: &Scene,
+        k: usize,
+        positions: &[DVec2],
+        out: &mut [[f32; 3]],
+    ) -> Result<()> {
+        let rect = taps_of(scene.interpolation, positions, 0);
+        if rect.area() > WINDOW_AREA && positions.len() > 1 {
+            let (first, second) = positions.split_at(positions.len() / 2);
+            let (to_first, to_second) = out.split_at_mut(first.len());
+            self.sample_part(scene, k, first, to_first)?;
+            return self.sample_part(scene, k, second, to_second);
+        }
+        scene.pixels.window_into(k, 0, rect, &mut self.window)?;
+        sample_into(&self.window, scene.interpolation, positions, out);
         Ok(())
     }
 

@@ -13,7 +13,7 @@ use super::Scene;
 use super::colour::Colouring;
 
 /// Largest side of a block, pixels: larger ones save little, because shafts overlap only at their borders.
-const BLOCK: i64 = 512;
+const BLOCK: i64 = 256;
 
 /// Smallest side of a block: it is rendered whatever it costs.
 const LEAST_BLOCK: i64 = 16;

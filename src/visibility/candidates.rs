@@ -17,6 +17,7 @@ use super::photo::{Shaft, ViewPhoto, ray_of, to_camera};
 use crate::geom::{Bounds2, FaceBlock, Kernel, LANES};
 
 use super::cells::SortedPoints;
+use super::points::LIMIT_SLACK;
 
 /// Rounding of a place, in units of the greatest coordinate: five roundings at most, of 2⁻²⁴ each; room left.
 const PLACE_ROUNDING: f32 = 8.0 / 16_777_216.0;
@@ -96,7 +97,8 @@ pub(super) struct Candidates<'a> {
     pub(super) photo: &'a ViewPhoto,
     pub(super) grid: &'a Grid,
     pub(super) starts: &'a [u32],
-    pub(super) points: &'a SortedPoints,
+    pub(super) points: &'a mut SortedPoints,
+    pub(super) tolerance_m: f64,
     pub(super) block: &'a FaceBlock<'a>,
     /// Memory for the vertices: column, row, depth.
     pub(super) vertices: &'a mut [Vec<f32>; 3],
@@ -106,7 +108,9 @@ pub(super) struct Candidates<'a> {
 /// What might be hidden by what.
 #[derive(Debug, Default)]
 pub(super) struct Found {
-    /// Triangle of the block, and point in sorted order.
+    /// Points, in sorted order, that certainly are hidden: so far that f32 can tell. They have lost their limit.
+    pub(super) hidden: Vec<u32>,
+    /// Triangle of the block, and point in sorted order, where f32 cannot tell.
     pub(super) pairs: Vec<(u32, u32)>,
     /// Triangles that reach behind the camera: they might hide any point.
     pub(super) anywhere: Vec<u32>,
@@ -117,10 +121,12 @@ impl Kernel for Candidates<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { photo, grid, starts, points, block, vertices, found } = self;
+        let Self { photo, grid, starts, points, tolerance_m, block, vertices, found } = self;
         place_vertices(photo, grid, block, vertices);
         let [xs, ys, zs] = vertices.each_ref().map(Vec::as_slice);
         let limits = Limits::new(grid);
+        #[expect(clippy::cast_possible_truncation, reason = "the slack makes more than good")]
+        let tolerance = tolerance_m as f32;
         for (k, (corners, id)) in (0_u32..).zip(block.triangles.iter().zip(block.ids)) {
             let corner = corners.map(usize::from);
             let (x, y, z) = (corner.map(|i| xs[i]), corner.map(|i| ys[i]), corner.map(|i| zs[i]));
@@ -130,7 +136,8 @@ impl Kernel for Candidates<'_> {
                 if let Some((range, edges)) = limits.prepare(x, y, z) {
                     let wanted = Wanted { edges, near, id: id.0 };
                     if might_hide(grid, starts, range, points, &wanted) {
-                        collect(grid, starts, range, points, &wanted, |p| found.pairs.push((k, p)));
+                        let beyond = (greatest(z) + tolerance) * LIMIT_SLACK * LIMIT_SLACK;
+                        collect(grid, starts, range, points, (&wanted, beyond, k), found);
                     }
                 }
             } else if reaches_in(photo, grid, block.corners(k as usize)) {
@@ -171,10 +178,20 @@ struct Edges {
     a: [f32; 3],
     b: [f32; 3],
     c: [f32; 3],
+    /// Not below the greatest value of an edge function at which f32 cannot tell the side.
+    unsure: f32,
 }
 
 /// Those of a face that may be anywhere in its bounds.
-const ANYWHERE: Edges = Edges { a: [0.0; 3], b: [0.0; 3], c: [0.0; 3] };
+const ANYWHERE: Edges = Edges { a: [0.0; 3], b: [0.0; 3], c: [0.0; 3], unsure: f32::INFINITY };
+
+impl Edges {
+    /// Whether the face holds a place, whatever rounding has done.
+    fn certainly_hold(&self, (x, y): (f32, f32)) -> bool {
+        let Self { a, b, c, unsure } = self;
+        (0..3).all(|k| a[k] * x + b[k] * y + c[k] > *unsure)
+    }
+}
 
 /// Greatest place that f32 arithmetic is trusted with: products of two stay far from overflow.
 const GREATEST_PLACE: f32 = 1e9;
@@ -237,11 +254,14 @@ impl Limits {
         let reach = self.least_reach + self.ray_a_cell * m;
         let steepness = greatest(z) / near;
         let exact = self.exact * steepness * steepness * (reach * reach * reach);
-        let mut edges = ANYWHERE;
+        let mut edges = Edges { unsure: 0.0, ..ANYWHERE };
         for (k, (p, q)) in [(0, 1), (1, 2), (2, 0)].into_iter().enumerate() {
             let (a, b) = ((y[p] - y[q]) * side, (x[q] - x[p]) * side);
             let room = EDGE_ROUNDING * m * (a.abs() + b.abs()) + exact;
             (edges.a[k], edges.b[k], edges.c[k]) = (a, b, room - (a * x[p] + b * y[p]));
+            // The room that was added, and as much again.
+            let unsure = 2.0 * room;
+            edges.unsure = if unsure > edges.unsure { unsure } else { edges.unsure };
         }
         Some((range, edges))
     }
@@ -258,7 +278,7 @@ impl Wanted {
     /// Whether the face might hide a point.
     #[inline(always)]
     fn hits(&self, (x, y): (f32, f32), limit: f32, face: u32) -> bool {
-        let Edges { a, b, c } = &self.edges;
+        let Edges { a, b, c, .. } = &self.edges;
         (a[0] * x + b[0] * y + c[0] >= 0.0)
             & (a[1] * x + b[1] * y + c[1] >= 0.0)
             & (a[2] * x + b[2] * y + c[2] >= 0.0)
@@ -294,19 +314,31 @@ fn might_hide(
     hits.iter().any(|&hit| hit != 0)
 }
 
-/// The points, in sorted order, that a face might hide.
+/// Finds the points that a face might hide, and hides those that it certainly does: the point lies within the edges by
+/// more than the rounding on either side, and has a limit of more than `beyond`, past all of the face.
+///
+/// A limit is the point's depth z, less at most ε, and `beyond` is the face's greatest depth, plus ε, both with slack:
+/// so the exact limit is past the face. A face that has edges here is not edge-on, so the exact test finds its depth.
 fn collect(
     grid: &Grid,
     starts: &[u32],
     range: Range,
-    points: &SortedPoints,
-    wanted: &Wanted,
-    mut found: impl FnMut(u32),
+    points: &mut SortedPoints,
+    (wanted, beyond, triangle): (&Wanted, f32, u32),
+    found: &mut Found,
 ) {
     for row in range.rows() {
         for k in grid.points_of(starts, range, row) {
-            if wanted.hits((points.x[k], points.y[k]), points.limit[k], points.face[k]) {
-                found(u32::try_from(k).expect("a tile has fewer than 2³² pixels"));
+            let (at, limit) = ((points.x[k], points.y[k]), points.limit[k]);
+            if !wanted.hits(at, limit, points.face[k]) {
+                continue;
+            }
+            let point = u32::try_from(k).expect("a tile has fewer than 2³² pixels");
+            if limit > beyond && wanted.edges.certainly_hold(at) {
+                points.limit[k] = 0.0;
+                found.hidden.push(point);
+            } else {
+                found.pairs.push((triangle, point));
             }
         }
     }

@@ -2,7 +2,8 @@
 //!
 //! 1. The points are sorted by cell, row by row, so that those of neighbouring cells of a row lie side by side.
 //! 2. For each face, [`Candidates`] tests whole rows of points in its bounds, in f32 with bounds of the rounding, and
-//!    finds those that it *might* hide: few but what it does hide.
+//!    finds those that it hides, and the few
+//!    where f32 cannot tell.
 //! 3. These are decided by [`FaceTest`] in f64.
 
 use glam::{DVec2, DVec3};
@@ -156,11 +157,23 @@ impl PointCells {
             return;
         }
         let OcclusionScratch { vertices, found } = scratch;
+        found.hidden.clear();
         found.pairs.clear();
         found.anywhere.clear();
-        let (grid, starts) = (&self.grid, self.starts.as_slice());
-        let (photo, sorted) = (sight.photo, &self.points);
-        run_widest(Candidates { photo, grid, starts, points: sorted, block, vertices, found });
+        run_widest(Candidates {
+            photo: sight.photo,
+            grid: &self.grid,
+            starts: &self.starts,
+            points: &mut self.points,
+            tolerance_m: sight.tolerance_m,
+            block,
+            vertices,
+            found,
+        });
+        for &k in &found.hidden {
+            points.hide(self.points.index[k as usize] as usize);
+        }
+        self.in_sight -= found.hidden.len();
         for of_face in found.pairs.chunk_by(|a, b| a.0 == b.0) {
             let face = of_face[0].0 as usize;
             self.decide(sight, block, face, points, of_face.iter().map(|pair| pair.1 as usize));

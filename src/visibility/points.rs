@@ -46,7 +46,7 @@ impl RayPoints {
 }
 
 /// Part of a depth that a limit is raised by: more than rounding the limit and a face's depth to f32 can take away.
-const LIMIT_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
+pub(super) const LIMIT_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 /// The points of a block that a photo may see, in the order of the sub-blocks.
 #[derive(Debug, Default)]

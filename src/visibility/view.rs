@@ -110,58 +110,62 @@ impl ViewTile {
         let inside = |v: i64| usize::try_from(v).expect("a sub-block lies in its block");
         let stride = surface.rect.width();
         let first = inside(sub.y0 - surface.rect.y0) * stride + inside(sub.x0 - surface.rect.x0);
-        let mut taken = [(0_usize, 0_u32); RAYS];
+        let side = usize::try_from(SUB_BLOCK).expect("positive");
+        let (mut at, mut in_sub) = ([0_usize; RAYS], [0_u32; RAYS]);
         let mut places = places;
         loop {
             let mut count = 0;
-            for (slot, place) in taken.iter_mut().zip(&mut places) {
-                let side = SUB_BLOCK.unsigned_abs();
-                let (row, column) = (u64::from(place) / side, u64::from(place) % side);
-                let (row, column) = (row as usize, column as usize);
-                let pixel = first + row * stride + column;
-                let in_sub = u32::try_from(row * sub.width() + column).expect("a small block");
-                *slot = (pixel, in_sub);
-                let p = surface.points.at(pixel);
-                (self.batch.x[count], self.batch.y[count], self.batch.z[count]) = (p.x, p.y, p.z);
+            for ((at, in_sub), place) in at.iter_mut().zip(&mut in_sub).zip(&mut places) {
+                let (row, column) = (usize::from(place) / side, usize::from(place) % side);
+                *at = first + row * stride + column;
+                *in_sub = u32::try_from(row * sub.width() + column).expect("a small block");
                 count += 1;
             }
             if count == 0 {
                 return;
             }
+            let Batch { x, y, z, .. } = &mut self.batch;
+            for (k, &pixel) in at[..count].iter().enumerate() {
+                let points = &surface.points;
+                (x[k], y[k], z[k]) = (points.x[pixel], points.y[pixel], points.z[pixel]);
+            }
             self.batch.sight(photo, count);
             photo.lens.photos_from_rays_jacobian(&mut self.batch.rays, count);
-            for (k, &(pixel, in_sub)) in taken[..count].iter().enumerate() {
-                let face = surface.faces_at[pixel] as usize;
-                if self.faces[face].area == UNKNOWN {
-                    self.faces[face] = self.face_view(surface, mosaic, photo, &surface.faces[face]);
-                }
-                self.push(surface, photo, (k, face, in_sub));
-            }
+            self.pixels.extend_from_slice(&in_sub[..count]);
+            self.push(surface, mosaic, photo, &at[..count]);
         }
     }
 
-    /// Enters point `k` of the batch, on a face that is known.
-    #[inline]
+    /// Enters the first points of the batch, which are the pixels `at` of the surface tile.
     fn push(
         &mut self,
         surface: &SurfaceTile,
+        mosaic: &LocalMosaic,
         photo: &ViewPhoto,
-        (k, face, pixel): (usize, usize, u32),
+        at: &[usize],
     ) {
-        let FaceView { area, pixel_spread } = self.faces[face];
-        let depth = self.batch.depth[k];
-        let magnification = self.batch.rays.magnification[k] / (depth * depth * depth);
-        let weight = if area.is_nan() {
-            // A vertex is behind the camera or beyond the lens: the Jacobian at the point stands in.
-            0.5 * spread(surface, photo, &surface.faces[face]) * magnification
-        } else {
-            area
-        };
-        let position = DVec2::new(self.batch.rays.photo_x[k], self.batch.rays.photo_y[k]);
-        self.pixels.push(pixel);
-        self.positions.push(position);
-        self.footprints_squared.push(pixel_spread * magnification);
-        self.weights.push(weight);
+        let (mut footprints, mut weights) = ([0.0; RAYS], [0.0; RAYS]);
+        let mut positions = [DVec2::ZERO; RAYS];
+        for (k, &pixel) in at.iter().enumerate() {
+            let face = surface.faces_at[pixel] as usize;
+            if self.faces[face].area == UNKNOWN {
+                self.faces[face] = self.face_view(surface, mosaic, photo, &surface.faces[face]);
+            }
+            let FaceView { area, pixel_spread } = self.faces[face];
+            let depth = self.batch.depth[k];
+            let magnification = self.batch.rays.magnification[k] / (depth * depth * depth);
+            footprints[k] = pixel_spread * magnification;
+            weights[k] = area;
+            if area.is_nan() {
+                // A vertex is behind the camera or beyond the lens: the Jacobian at the point stands in.
+                weights[k] = 0.5 * spread(surface, photo, &surface.faces[face]) * magnification;
+            }
+            positions[k] = DVec2::new(self.batch.rays.photo_x[k], self.batch.rays.photo_y[k]);
+        }
+        let count = at.len();
+        self.positions.extend_from_slice(&positions[..count]);
+        self.footprints_squared.extend_from_slice(&footprints[..count]);
+        self.weights.extend_from_slice(&weights[..count]);
     }
 
     fn face_view(
