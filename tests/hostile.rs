@@ -156,6 +156,20 @@ fn foreign_files_are_read_or_refused_whatever_their_bytes() {
 }
 
 #[test]
+fn a_jpeg_is_the_same_by_its_index_whatever_its_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, _) in corpus::foreign(folder).into_iter().filter(|(n, _)| n.ends_with(".jpg")) {
+        let path = folder.join(&name);
+        assert_eq!(parsers::photo_index(&path).unwrap(), 2, "{name} has no index");
+        let outcomes = torment(folder, &name, &path, parsers::photo_index);
+        let taken = outcomes.iter().flatten().filter(|&&found| found == 2).count();
+        assert!(taken > 0 && outcomes.iter().any(Option::is_none), "{name}: {taken}");
+    }
+    within_memory();
+}
+
+#[test]
 fn camera_folders_are_read_or_refused_whatever_their_bytes() {
     let folder = tempfile::tempdir().unwrap();
     for kind in ["text", "binary"] {

@@ -10,7 +10,10 @@ use groundel::input::photo::{
 };
 use groundel::input::{Project, open_mesh, read_cameras, read_frame};
 use groundel::store::mesh::{MeshStore, PartitionBuffer};
-use groundel::store::photo::{PhotoStore, working_bytes};
+use groundel::store::photo::{
+    Demand, PhotoSource, PhotoStore, Preparation, PreparedPhoto, Reading, prepare_photos,
+    working_bytes,
+};
 use groundel::{Error, Result};
 
 /// Elements of a stream that are read at most: a small file may state many.
@@ -147,4 +150,48 @@ pub(crate) fn part(path: &Path) -> Result<u64> {
         Ok(())
     })?;
     Ok(digest.finish())
+}
+
+/// A photo by its index, compared with the same photo decoded as a whole: what the one takes the other takes too, and
+/// shows the same.
+pub(crate) fn photo_index(path: &Path) -> Result<u64> {
+    let header = read_photo_header(path)?;
+    if working_bytes(&header) > 64 << 20 {
+        return Ok(0);
+    }
+    let stores = path.with_extension("stores");
+    let ready = |reading| -> Result<PreparedPhoto> {
+        let (name, path) = ("a".to_string(), path.to_path_buf());
+        let source = PhotoSource { name, path, expected: None, demand: Some(Demand::ALL) };
+        let preparation = Preparation {
+            folder: &stores,
+            budget_bytes: 128 << 20,
+            beside_bytes: 0,
+            threads: 1,
+            memory_bytes: 0,
+            reading,
+        };
+        let ready = prepare_photos(&[source], &preparation, &|_| Ok(()))?.remove(0);
+        ready.map_err(|left_out| left_out.reason)
+    };
+    let (whole, indexed) = (ready(Reading::Memory), ready(Reading::Index));
+    std::fs::remove_dir_all(&stores).unwrap();
+    assert_eq!(whole.is_ok(), indexed.is_ok(), "{whole:?} {indexed:?}");
+    let (whole, indexed) = (PhotoStore::new([(0, whole?)], 0)?, indexed?);
+    if !indexed.is_indexed() {
+        return Ok(1);
+    }
+    // Its index is gone.
+    let indexed = PhotoStore::new([(0, indexed)], 0)?;
+    assert!(indexed.window(0, 0, PixelRect::new(0, 0, 1, 1)).is_err());
+    let indexed = PhotoStore::new([(0, ready(Reading::Index)?)], 1 << 20)?;
+    for level in 0..whole.levels(0) {
+        for rect in whole.level_size(0, level).rect().blocks(77) {
+            let windows = [&whole, &indexed].map(|store| store.window(0, level, rect));
+            let [whole, indexed] = windows;
+            assert_eq!(format!("{:?}", whole?.samples), format!("{:?}", indexed?.samples));
+        }
+    }
+    std::fs::remove_dir_all(&stores).unwrap();
+    Ok(2)
 }

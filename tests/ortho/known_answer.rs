@@ -6,6 +6,7 @@ use groundel::camera::{CameraSet, Lens, Photo};
 use groundel::geom::FaceId;
 use groundel::image::{Image, Samples};
 use groundel::render::{OrthoTile, Renderer, Scene};
+use groundel::store::photo::Reading;
 use groundel::synthetic::scenes;
 use groundel::synthetic::{Likeness, Oracle, Sight, TestScene, likeness};
 
@@ -177,4 +178,20 @@ fn half_a_pixel_and_a_forgotten_distortion_are_found_out() {
     assert!(moved > 0.1, "half a pixel moves the mosaic by {moved}");
     let (_, undistorted) = shift_with(|photo| photo.lens.without_distortion());
     assert!(undistorted < right - 3.0, "{undistorted} dB without distortion, {right} dB with it");
+}
+
+#[test]
+fn a_tile_is_the_same_however_photos_are_read() {
+    let mut test = scenes::columns();
+    for (k, shot) in test.shots.iter_mut().enumerate() {
+        shot.name = format!("{k}.jpg");
+    }
+    let rendered = Rendered::files(&test);
+    let tile = |reading| {
+        let scene = job::open_reading(&test, rendered.folder.path(), &rendered.cameras, reading);
+        Renderer::new(&scene, BLOCK_BYTES).tile(test.plane.size().rect()).unwrap()
+    };
+    let [memory, index, tiles] = [Reading::Memory, Reading::Index, Reading::Tiles].map(tile);
+    assert!(format!("{memory:?}") == format!("{index:?}"), "by an index");
+    assert!(format!("{memory:?}") == format!("{tiles:?}"), "from store files");
 }

@@ -8,4 +8,5 @@ mod command;
 mod masks;
 mod mixed;
 mod profile;
+mod reading;
 mod tiff_by_gdal;

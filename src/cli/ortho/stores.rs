@@ -20,6 +20,9 @@ use crate::{Error, Result};
 
 /// The part of the photos' cache that masks get, where there are any: they compress to little, and decode fast.
 const MASK_SHARE: u64 = 8;
+/// The part of the photos' cache, at most, that is set aside for windows that are being decoded: not all threads do so at
+/// the same time.
+const MOST_WINDOWS: u64 = 2;
 /// Sides that differ by one factor agree to this part of a pixel.
 const FACTOR_SLACK_PX: f64 = 1.0;
 
@@ -109,7 +112,12 @@ impl Stores {
         let masks: Vec<_> = inputs.masks.iter().filter(|m| is_needed(m.photo)).collect();
         let masks = build_masks(config, &masks, &mesh, budget)?;
         let held: u64 = entries.iter().map(|(_, photo)| photo.memory_bytes()).sum();
-        let pixels = PhotoStore::new(entries, photo_bytes.saturating_sub(held))?;
+        let windows = if entries.iter().any(|(_, photo)| photo.is_indexed()) {
+            (PhotoStore::WINDOW_BYTES * config.threads as u64).min(photo_bytes / MOST_WINDOWS)
+        } else {
+            0
+        };
+        let pixels = PhotoStore::new(entries, photo_bytes.saturating_sub(held + windows))?;
         Ok(Self { mesh, pixels, masks, photos, left_out })
     }
 }

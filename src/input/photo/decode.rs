@@ -37,35 +37,49 @@ pub(super) type Sink<'a> = &'a mut dyn FnMut(Rows<'_>) -> Result<()>;
 pub fn decode_photo(path: &Path, header: &PhotoHeader, sink: Sink<'_>) -> Result<()> {
     // A decoder that panics on a hostile file must not take the job with it.
     let decoded = catch_unwind(AssertUnwindSafe(|| match header.format {
-        PhotoFormat::Jpeg { .. } => decode_jpeg(path, header, sink),
+        PhotoFormat::Jpeg { .. } => decode_jpeg_file(path, header, sink),
         PhotoFormat::Png { .. } => decode_png(path, header, sink),
         PhotoFormat::Tiff { .. } => tiff::decode(path, header, sink),
     }));
     decoded.unwrap_or_else(|_| Err(broken(path, "a stream at which the decoder gave up")))
 }
 
-fn decode_jpeg(path: &Path, header: &PhotoHeader, sink: Sink<'_>) -> Result<()> {
+fn decode_jpeg_file(path: &Path, header: &PhotoHeader, sink: Sink<'_>) -> Result<()> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     jpeg::check_whole(path, &bytes)?;
-    let colour = if header.channels == 1 { ColorSpace::Luma } else { ColorSpace::RGB };
-    let options = DecoderOptions::default()
-        .set_strict_mode(true)
-        .set_max_width(header.size.width as usize)
-        .set_max_height(header.size.height as usize)
-        .jpeg_set_out_colorspace(colour);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&bytes[..]), options);
-    decoder.decode_headers().map_err(|e| broken(path, e.to_string()))?;
-    let (width, height) = decoder.dimensions().unwrap_or_default();
-    if (width, height) != (header.size.width as usize, header.size.height as usize) {
-        return Err(changed(path, header.size, format!("{width} × {height}")));
-    }
-    let samples = decoder.decode().map_err(|e| broken(path, e.to_string()))?;
-    if samples.len() as u64 != header.decoded_bytes() {
-        return Err(changed(path, header.size, format!("{} samples", samples.len())));
-    }
-    drop(decoder);
+    let samples = decode_stream(path, &bytes, header.size, header.channels)?;
     drop(bytes);
     sink(Rows::U8(&samples))
+}
+
+/// Decodes a JPEG of `size` in memory, as [`decode_photo`] decodes a whole one: `height × width × channels`. `path` is
+/// for messages.
+///
+/// # Errors
+/// [`Error::Corrupt`] if it is broken or of another size.
+pub fn decode_jpeg(path: &Path, bytes: &[u8], size: Size, channels: usize) -> Result<Vec<u8>> {
+    let decoded = catch_unwind(AssertUnwindSafe(|| decode_stream(path, bytes, size, channels)));
+    decoded.unwrap_or_else(|_| Err(broken(path, "a stream at which the decoder gave up")))
+}
+
+fn decode_stream(path: &Path, bytes: &[u8], size: Size, channels: usize) -> Result<Vec<u8>> {
+    let colour = if channels == 1 { ColorSpace::Luma } else { ColorSpace::RGB };
+    let options = DecoderOptions::default()
+        .set_strict_mode(true)
+        .set_max_width(size.width as usize)
+        .set_max_height(size.height as usize)
+        .jpeg_set_out_colorspace(colour);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(|e| broken(path, e.to_string()))?;
+    let (width, height) = decoder.dimensions().unwrap_or_default();
+    if (width, height) != (size.width as usize, size.height as usize) {
+        return Err(changed(path, size, format!("{width} × {height}")));
+    }
+    let samples = decoder.decode().map_err(|e| broken(path, e.to_string()))?;
+    if samples.len() as u64 != size.area() * channels as u64 {
+        return Err(changed(path, size, format!("{} samples", samples.len())));
+    }
+    Ok(samples)
 }
 
 fn decode_png(path: &Path, header: &PhotoHeader, sink: Sink<'_>) -> Result<()> {

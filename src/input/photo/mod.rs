@@ -18,7 +18,7 @@ mod profile;
 mod tests;
 mod tiff;
 
-pub use decode::{Rows, decode_photo};
+pub use decode::{Rows, decode_jpeg, decode_photo};
 pub use header::{PhotoFormat, PhotoHeader, read_photo_header};
 pub use jpeg::JpegCoding;
 pub use mask::{decode_mask, read_mask_header};

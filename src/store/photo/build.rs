@@ -59,6 +59,18 @@ impl PhotoFingerprint {
     }
 }
 
+impl PhotoFingerprint {
+    /// As a number, as it stands in files.
+    pub(super) fn number(self) -> u128 {
+        self.0
+    }
+
+    /// From its number.
+    pub(super) fn from_number(number: u128) -> Self {
+        Self(number)
+    }
+}
+
 /// What a store file is made from a picture for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Content {
@@ -206,7 +218,8 @@ impl PhotoTiles {
 }
 
 fn open_header(store: &Path) -> Result<(PositionedFile, Header)> {
-    let (file, length) = PositionedFile::open(store).map_err(|e| Error::io(store, e))?;
+    let (file, meta) = PositionedFile::open(store).map_err(|e| Error::io(store, e))?;
+    let length = meta.len();
     let mut bytes = [0; HEADER_BYTES];
     file.read_exact_at(&mut bytes, 0).map_err(|e| match e.kind() {
         ErrorKind::UnexpectedEof => {

@@ -1,6 +1,6 @@
 //! Reading at a position, from many files with few of them open.
 
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,13 +20,13 @@ pub(super) struct PositionedFile {
 }
 
 impl PositionedFile {
-    /// Opens a file and gives its length.
-    pub(super) fn open(path: &Path) -> io::Result<(Self, u64)> {
+    /// Opens a file and gives its length and times.
+    pub(super) fn open(path: &Path) -> io::Result<(Self, Metadata)> {
         let file = File::open(path)?;
-        let length = file.metadata()?.len();
+        let meta = file.metadata()?;
         #[cfg(not(unix))]
         let file = Mutex::new(file);
-        Ok((Self { file }, length))
+        Ok((Self { file }, meta))
     }
 
     /// Fills `buffer` from `offset` on.
@@ -46,18 +46,20 @@ impl PositionedFile {
 }
 
 /// Open files by number, the most recently used first.
-#[derive(Debug, Default)]
-pub(super) struct OpenFiles {
-    recent: Mutex<Vec<(usize, Arc<PositionedFile>)>>,
+#[derive(Debug)]
+pub(super) struct OpenFiles<T = PositionedFile> {
+    recent: Mutex<Vec<(usize, Arc<T>)>>,
 }
 
-impl OpenFiles {
+impl<T> Default for OpenFiles<T> {
+    fn default() -> Self {
+        Self { recent: Mutex::default() }
+    }
+}
+
+impl<T> OpenFiles<T> {
     /// The file of this number, from `open` unless it is open.
-    pub(super) fn get(
-        &self,
-        number: usize,
-        open: impl FnOnce() -> Result<PositionedFile>,
-    ) -> Result<Arc<PositionedFile>> {
+    pub(super) fn get(&self, number: usize, open: impl FnOnce() -> Result<T>) -> Result<Arc<T>> {
         if let Some(file) = self.find(number) {
             return Ok(file);
         }
@@ -74,7 +76,7 @@ impl OpenFiles {
         self.recent.lock().unwrap_or_else(PoisonError::into_inner).len()
     }
 
-    fn find(&self, number: usize) -> Option<Arc<PositionedFile>> {
+    fn find(&self, number: usize) -> Option<Arc<T>> {
         let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
         let at = recent.iter().position(|(n, _)| *n == number)?;
         recent[..=at].rotate_right(1);

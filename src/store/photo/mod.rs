@@ -1,7 +1,8 @@
-//! The photo tile store: every photo once decoded, with its pyramid, in tiles, behind [`PhotoStore::window`].
+//! The photo store: every photo with its pyramid, in tiles, behind [`PhotoStore::window`].
 //!
-//! In: photo files. Out: one immutable file a photo ([`PhotoTiles`]), and windows of any level of any photo from
-//! them; masks likewise, as photos of one channel. Promises: a window's samples are those of a full decode, whatever the cache, the threads and the order of
+//! In: photo files. Out: windows of any level of any photo; masks likewise, as photos of one channel. Behind them
+//! stand, as [`prepare_photos`] chooses by cost, one immutable file of tiles a photo ([`PhotoTiles`]), tiles in memory, or
+//! the photo's own file with an index (`jpeg/`). Promises: a window's samples are those of a full decode, whatever the cache, the threads and the order of
 //! requests; decoded tiles stay within a budget; a store file that is cut, foreign, stale or damaged is an error or
 //! is rebuilt ([`prepare_photos`]), never misread. It does not colour-correct, rotate or undistort anything.
 //!
@@ -36,6 +37,8 @@ mod choice;
 mod codec;
 mod files;
 mod format;
+mod halve;
+mod jpeg;
 mod memory;
 mod parallel;
 mod placement;
@@ -43,6 +46,7 @@ mod prepare;
 mod prepared;
 mod pyramid;
 mod reader;
+mod source;
 mod survey;
 #[cfg(test)]
 mod tests;

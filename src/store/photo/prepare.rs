@@ -5,13 +5,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::build::{Content, PhotoTiles, UNFINISHED_PREFIX, working_bytes};
+use super::build::{Content, PhotoTiles, UNFINISHED_PREFIX};
 use super::choice::{Reading, Way, choose};
+use super::jpeg::IndexedJpeg;
 use super::memory::MemoryTiles;
 use super::parallel::{Budget, in_parallel};
 use super::prepared::PreparedPhoto;
 use super::survey::{LeftOut, Needed, PhotoSource, Survey, left_out_or_fatal, survey};
-use crate::input::photo::PhotoHeader;
 use crate::{Error, Result};
 
 /// How photos are prepared.
@@ -51,8 +51,8 @@ pub struct Progress {
 /// What became of a photo.
 type Outcome = std::result::Result<PreparedPhoto, LeftOut>;
 
-/// Makes every photo that is needed ready to be read: in memory, or in a store file, which is used again where it is
-/// there and matches the photo. The samples are the same in any way.
+/// Makes every photo that is needed ready to be read: in memory, by an index, or in a store file; files are used again
+/// where they are there and match the photo. The samples are the same in any way.
 ///
 /// The outcomes are in the order of `sources`. A photo that is missing, broken, unsupported or of another size than
 /// expected is left out, with the reason; of one that is not needed only the header tells. `progress` is called from
@@ -122,21 +122,11 @@ fn prepare(
         }
     }
     let ways = choose(content, &needed, preparation);
-    for ((&number, photo), way) in numbers.iter().zip(&needed).zip(&ways) {
-        if *way == Way::Tiles && photo.existing.is_none() {
-            check_budget(&sources[number], &photo.header, preparation.budget_bytes)?;
-        }
-    }
-    let held: u64 = needed.iter().zip(&ways).map(|(p, way)| way.held_bytes(p)).sum();
-    let needs = needed.iter().zip(&ways).map(|(photo, way)| way.working_bytes(photo)).collect();
-    let bytes = preparation.free_bytes().saturating_sub(held);
-    let budget = Budget { bytes, needs };
-    let ready = in_parallel(needed.len(), preparation.threads, &budget, |i| {
-        let path = &sources[numbers[i]].path;
-        let outcome = left_out_or_fatal(make(content, path, &needed[i], ways[i]), path)?;
-        report()?;
-        Ok(outcome)
-    })?;
+    let works = numbers.iter().zip(&needed).zip(ways);
+    let works: Vec<_> = works
+        .map(|((&number, photo), way)| Work { path: &sources[number].path, photo, way })
+        .collect();
+    let ready = make_all(content, &works, preparation, &report)?;
     for (number, outcome) in numbers.into_iter().zip(ready) {
         outcomes[number] = Some(outcome);
     }
@@ -144,20 +134,76 @@ fn prepare(
     Ok(outcomes.into_iter().flatten().collect())
 }
 
-/// Makes a photo ready in the way that was chosen.
-fn make(content: Content, path: &Path, photo: &Needed, way: Way) -> Result<PreparedPhoto> {
-    let Needed { header, shape, fingerprint, store, existing, .. } = photo;
-    match (way, existing) {
+/// A photo to be made ready in the way that was chosen.
+#[derive(Clone, Copy)]
+struct Work<'a> {
+    path: &'a Path,
+    photo: &'a Needed,
+    way: Way,
+}
+
+/// Makes photos ready. Those that turn out to have no index are built as store files in the end.
+fn make_all(
+    content: Content,
+    works: &[Work<'_>],
+    preparation: &Preparation<'_>,
+    report: &(dyn Fn() -> Result<()> + Sync),
+) -> Result<Vec<Outcome>> {
+    for work in works.iter().filter(|work| work.way == Way::Tiles) {
+        check_budget(work, preparation.budget_bytes)?;
+    }
+    let held: u64 = works.iter().map(|work| work.way.held_bytes(work.photo)).sum();
+    let bytes = preparation.free_bytes().saturating_sub(held);
+    let in_turn = |works: &[Work<'_>]| {
+        let needs = works.iter().map(|work| work.way.working_bytes(work.photo)).collect();
+        in_parallel(works.len(), preparation.threads, &Budget { bytes, needs }, |i| {
+            let made = left_out_or_fatal(make(content, works[i]), works[i].path)?;
+            if !matches!(made, Ok(None)) {
+                report()?;
+            }
+            Ok(made)
+        })
+    };
+    let mut made = in_turn(works)?;
+    let refused: Vec<_> = (0..works.len()).filter(|&k| matches!(made[k], Ok(None))).collect();
+    let again: Vec<_> = refused.iter().map(|&k| Work { way: Way::Tiles, ..works[k] }).collect();
+    for work in &again {
+        check_budget(work, preparation.budget_bytes)?;
+    }
+    for (k, outcome) in refused.into_iter().zip(in_turn(&again)?) {
+        made[k] = outcome;
+    }
+    // Store files are made or fail: none is left without an outcome.
+    Ok(made.into_iter().filter_map(std::result::Result::transpose).collect())
+}
+
+/// Makes a photo ready; `None` if it has no index.
+fn make(content: Content, work: Work<'_>) -> Result<Option<PreparedPhoto>> {
+    let Work { path, photo, way } = work;
+    let Needed { header, shape, fingerprint, store, index, existing, .. } = photo;
+    Ok(Some(match (way, existing) {
         (Way::Memory, _) => {
             let tiles = Arc::new(MemoryTiles::decode(path, header, *shape)?);
-            Ok(PreparedPhoto::memory(path, *shape, *fingerprint, tiles))
+            PreparedPhoto::memory(path, *shape, *fingerprint, tiles)
         }
-        (Way::Tiles, Some(tiles)) => Ok(PreparedPhoto::tiles(tiles.clone())),
-        (Way::Tiles, None) => {
-            let tiles = PhotoTiles::build_of(content, path, header, *fingerprint, store)?;
-            Ok(PreparedPhoto::tiles_just_made(tiles))
+        (Way::Tiles, Some(tiles)) => PreparedPhoto::tiles(tiles.clone()),
+        (Way::Tiles, None) => PreparedPhoto::tiles_just_made(PhotoTiles::build_of(
+            content,
+            path,
+            header,
+            *fingerprint,
+            store,
+        )?),
+        (Way::Index, _) => {
+            // Not there, stale, cut or foreign: a new one takes its place.
+            let known = IndexedJpeg::open_checked(index, path).ok();
+            return Ok(match known.filter(|known| known.fingerprint() == *fingerprint) {
+                Some(known) => Some(PreparedPhoto::indexed(known)),
+                None => IndexedJpeg::build(path, header, *fingerprint, index)?
+                    .map(PreparedPhoto::indexed),
+            });
         }
-    }
+    }))
 }
 
 /// Waits until no other process prepares photos in this folder, and keeps others waiting until it is dropped.
@@ -181,13 +227,13 @@ fn remove_leftovers(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-fn check_budget(source: &PhotoSource, header: &PhotoHeader, budget_bytes: u64) -> Result<()> {
-    let needed_bytes = working_bytes(header);
+fn check_budget(work: &Work<'_>, budget_bytes: u64) -> Result<()> {
+    let needed_bytes = work.way.working_bytes(work.photo);
     if needed_bytes <= budget_bytes {
         return Ok(());
     }
     Err(Error::OverBudget {
-        what: format!("decoding {}", source.path.display()),
+        what: format!("decoding {}", work.path.display()),
         needed_bytes,
         allowed_bytes: budget_bytes,
         hint: Some("allow more memory, or save the photo as a TIFF in strips or a PNG that is not interlaced".into()),
@@ -201,6 +247,7 @@ mod tests {
     use image::ExtendedColorType;
 
     use super::super::PhotoStore;
+    use super::super::build::working_bytes;
     use super::super::prepared::Demand;
     use super::super::survey::check_headers;
     use super::super::tests::write_photo;

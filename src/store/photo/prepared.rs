@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::build::{PhotoFingerprint, PhotoTiles};
 use super::format::Shape;
+use super::jpeg::IndexedJpeg;
 use super::memory::MemoryTiles;
 use crate::geom::Size;
 
@@ -38,6 +39,8 @@ pub(super) enum Source {
     Tiles(PhotoTiles),
     /// Tiles in memory, made from what the fingerprint says, at this path.
     Memory(PathBuf, PhotoFingerprint, Arc<MemoryTiles>),
+    /// The photo's own file, by its index.
+    Indexed(IndexedJpeg),
     /// Nowhere: nothing of the photo at this path is needed.
     Unread(PathBuf),
 }
@@ -65,6 +68,12 @@ impl PreparedPhoto {
         Self { shape, source, pixels_decoded: shape.size.area() }
     }
 
+    /// A photo whose own file is read by its index.
+    pub(super) fn indexed(indexed: IndexedJpeg) -> Self {
+        let shape = indexed.shape();
+        Self { shape, source: Source::Indexed(indexed), pixels_decoded: 0 }
+    }
+
     /// A photo of which nothing is needed.
     pub(super) fn unread(path: &Path, shape: Shape) -> Self {
         Self { shape, source: Source::Unread(path.to_path_buf()), pixels_decoded: 0 }
@@ -74,6 +83,7 @@ impl PreparedPhoto {
     pub(super) fn path(&self) -> &Path {
         match &self.source {
             Source::Tiles(tiles) => tiles.path(),
+            Source::Indexed(indexed) => indexed.photo(),
             Source::Memory(path, ..) | Source::Unread(path) => path,
         }
     }
@@ -82,6 +92,7 @@ impl PreparedPhoto {
     pub fn store_path(&self) -> Option<&Path> {
         match &self.source {
             Source::Tiles(tiles) => Some(tiles.path()),
+            Source::Indexed(indexed) => Some(indexed.path()),
             Source::Memory(..) | Source::Unread(_) => None,
         }
     }
@@ -90,8 +101,13 @@ impl PreparedPhoto {
     pub fn memory_bytes(&self) -> u64 {
         match &self.source {
             Source::Memory(.., tiles) => tiles.bytes(),
-            Source::Tiles(_) | Source::Unread(_) => 0,
+            Source::Tiles(_) | Source::Indexed(_) | Source::Unread(_) => 0,
         }
+    }
+
+    /// Whether its own file is read, by an index, while windows are asked for.
+    pub fn is_indexed(&self) -> bool {
+        matches!(self.source, Source::Indexed(_))
     }
 
     /// Whether its samples can be read: something of it is needed.
@@ -109,6 +125,7 @@ impl PreparedPhoto {
         match &self.source {
             Source::Tiles(tiles) => Some(tiles.fingerprint()),
             Source::Memory(_, fingerprint, _) => Some(*fingerprint),
+            Source::Indexed(indexed) => Some(indexed.fingerprint()),
             Source::Unread(_) => None,
         }
     }

@@ -5,6 +5,7 @@
 
 use super::codec::{Sample, TileView};
 use super::format::{Shape, TILE_SIDE, TileId};
+use super::halve::average_rows;
 use crate::Result;
 
 /// Takes the tiles as they are finished, each once, in an order that depends on the shape alone.
@@ -101,32 +102,4 @@ impl<S: Sample> Strip<S> {
         }
         Ok(())
     }
-}
-
-/// Appends to `out` the row of means of 2 × 2 pixels of two rows, or of 2 × 1 of the single row in `pair`; the last
-/// pixel of an odd width is the mean of what is there.
-fn average_rows<S: Sample>(pair: &[S], stride: usize, channels: usize, out: &mut Vec<S>) {
-    let (top, bottom) = pair.split_at(stride);
-    if bottom.is_empty() {
-        for two in top.chunks(2 * channels) {
-            if two.len() == channels {
-                out.extend_from_slice(two);
-            } else {
-                out.extend(
-                    (0..channels).map(|c| S::mean(two[c].widen() + two[channels + c].widen(), 2)),
-                );
-            }
-        }
-        return;
-    }
-    let mut pairs = top.chunks_exact(2 * channels).zip(bottom.chunks_exact(2 * channels));
-    for (above, below) in &mut pairs {
-        let sum = |c: usize| above[c].widen() + above[channels + c].widen();
-        let sum_below = |c: usize| below[c].widen() + below[channels + c].widen();
-        out.extend((0..channels).map(|c| S::mean(sum(c) + sum_below(c), 4)));
-    }
-    let odd = stride - stride % (2 * channels);
-    out.extend(
-        top[odd..].iter().zip(&bottom[odd..]).map(|(a, b)| S::mean(a.widen() + b.widen(), 2)),
-    );
 }

@@ -1,14 +1,15 @@
 //! [`PhotoStore`]: windows of the photos of a job.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::build::{PhotoFingerprint, PhotoTiles};
-use super::cache::{Key, Tile, TileCache, TileSample};
-use super::format::{Shape, TILE_SIDE, TileId};
+use super::cache::{TileCache, TileSample};
+use super::format::{Shape, TILE_SIDE};
+use super::jpeg::IndexedFiles;
 use super::placement::Placement;
-use super::prepared::{PreparedPhoto, Source};
+use super::prepared::PreparedPhoto;
+use super::source::tile_ids;
 use super::tile_file::TileFiles;
 use super::touched::Touched;
 use crate::geom::{PixelRect, Size};
@@ -23,16 +24,28 @@ const MAX_PHOTOS: u64 = 1 << 24;
 /// The photos of a job, read in windows by any number of threads.
 ///
 /// Decoded tiles are kept within the budget given to [`Self::new`]; beside them each thread that is reading holds
-/// at most one more tile and about two tiles of buffers. At most 64 files are open. A tile is decoded outside any
-/// lock; two threads may decode the same one, to the same samples.
+/// at most one more tile and about two tiles of buffers, or [`Self::WINDOW_BYTES`] if photos are read by an index. At
+/// most 64 files of each kind are open. A tile is decoded outside any lock; two threads may decode the same one, to the
+/// same samples.
 #[derive(Debug)]
 pub struct PhotoStore {
     /// By photo number; `None` where there is no photo.
     photos: Vec<Option<Slot>>,
     pub(super) files: TileFiles,
-    cache: TileCache,
-    decoded: AtomicU64,
-    hits: AtomicU64,
+    pub(super) indexed: IndexedFiles,
+    pub(super) cache: TileCache,
+    pub(super) counts: Counts,
+}
+
+/// What was done so far.
+#[derive(Debug, Default)]
+pub(super) struct Counts {
+    /// Tiles made.
+    pub(super) decoded: AtomicU64,
+    /// Tiles found made.
+    pub(super) hits: AtomicU64,
+    /// Pixels decoded from the photos' own files in windows.
+    pub(super) pixels: AtomicU64,
 }
 
 /// A photo, and which of its tiles were asked for.
@@ -98,8 +111,8 @@ impl PhotoStore {
             photos,
             files: TileFiles::default(),
             cache: TileCache::new(cache_bytes),
-            decoded: AtomicU64::new(0),
-            hits: AtomicU64::new(0),
+            indexed: IndexedFiles::default(),
+            counts: Counts::default(),
         })
     }
 
@@ -152,7 +165,7 @@ impl PhotoStore {
         self.photos.get(photo).and_then(Option::as_ref).expect("a photo of the store")
     }
 
-    fn photo(&self, photo: usize) -> &PreparedPhoto {
+    pub(super) fn photo(&self, photo: usize) -> &PreparedPhoto {
         &self.slot(photo).photo
     }
 
@@ -162,12 +175,13 @@ impl PhotoStore {
         let slots = || self.photos.iter().flatten();
         let in_memory = slots().map(|s| s.photo.memory_bytes()).sum::<u64>();
         CacheStatistics {
-            tiles_decoded: self.decoded.load(Ordering::Relaxed),
-            tile_hits: self.hits.load(Ordering::Relaxed),
+            tiles_decoded: self.counts.decoded.load(Ordering::Relaxed),
+            tile_hits: self.counts.hits.load(Ordering::Relaxed),
             bytes: bytes + in_memory,
             peak_bytes: peak_bytes + in_memory,
             pixels_needed: slots().map(|s| s.touched.pixels()).sum(),
-            pixels_decoded: slots().map(|s| s.photo.pixels_decoded).sum(),
+            pixels_decoded: slots().map(|s| s.photo.pixels_decoded).sum::<u64>()
+                + self.counts.pixels.load(Ordering::Relaxed),
         }
     }
 
@@ -244,59 +258,15 @@ impl PhotoStore {
         let inner = frame.inner;
         let tiles =
             PixelRect::new(inner.x0 / side, inner.y0 / side, last(inner.x1), last(inner.y1));
-        for block in tiles.blocks(1) {
-            let id = TileId { level, x: tile_index(block.x0), y: tile_index(block.y0) };
-            slot.touched.touch(shape.ordinal(id));
-            let tile = self.tile(photo, id)?;
-            frame.copy(id, S::of(&tile), shape, stride, out);
+        for block in blocks(tiles, slot.photo.block()) {
+            let ids = || tile_ids(level, block);
+            ids().for_each(|id| slot.touched.touch(shape.ordinal(id)));
+            for (id, tile) in ids().zip(self.tiles(photo, level, block)?) {
+                frame.copy(id, S::of(&tile), shape, stride, out);
+            }
         }
         frame.repeat_edges(out, stride, shape.channels);
         Ok(())
-    }
-
-    /// A decoded tile, from memory, the cache or the photo's source.
-    fn tile(&self, photo: usize, id: TileId) -> Result<Arc<Tile>> {
-        let prepared = self.photo(photo);
-        match &prepared.source {
-            Source::Tiles(tiles) => self.cached(photo, id, |old| {
-                let samples = tiles.shape.tile_samples(id);
-                let mut tile = Tile::of(tiles.bits(), samples, old);
-                match &mut tile {
-                    Tile::U8(buffer) => self.files.read(photo, tiles, id, buffer)?,
-                    Tile::U16(buffer) => self.files.read(photo, tiles, id, buffer)?,
-                }
-                Ok(tile)
-            }),
-            Source::Memory(.., tiles) => {
-                self.hits.fetch_add(1, Ordering::Relaxed);
-                Ok(tiles.tile(prepared.shape.ordinal(id)))
-            }
-            Source::Unread(path) => Err(Error::usage(format!(
-                "{}: no part of it was expected to be needed, so it was not prepared",
-                path.display()
-            ))),
-        }
-    }
-
-    /// A tile from the cache, or made by `make`, perhaps in the buffer of an old one.
-    fn cached(
-        &self,
-        photo: usize,
-        id: TileId,
-        make: impl FnOnce(Option<Tile>) -> Result<Tile>,
-    ) -> Result<Arc<Tile>> {
-        let key = Key::new(photo, id);
-        if let Some(tile) = self.cache.get(key) {
-            self.hits.fetch_add(1, Ordering::Relaxed);
-            return Ok(tile);
-        }
-        self.decoded.fetch_add(1, Ordering::Relaxed);
-        let shape = self.photo(photo).shape;
-        let bytes = shape.tile_samples(id) * shape.sample_bytes();
-        let mut room = self.cache.reserve(key, bytes as u64);
-        let old = room.recycled();
-        let tile = make(old)?;
-        Ok(room.keep(tile))
     }
 }
 
@@ -322,6 +292,11 @@ fn clamped(side: usize) -> u32 {
     u32::try_from(side).unwrap_or(u32::MAX)
 }
 
-fn tile_index(index: i64) -> u32 {
-    u32::try_from(index).expect("tiles of a level start at 0")
+/// A rectangle of tiles cut into blocks of at most so many columns and rows.
+fn blocks(tiles: PixelRect, (columns, rows): (i64, i64)) -> impl Iterator<Item = PixelRect> {
+    let step = |side: i64| usize::try_from(side).expect("a block holds a tile");
+    (tiles.y0..tiles.y1).step_by(step(rows)).flat_map(move |y| {
+        let block = move |x| PixelRect::new(x, y, x + columns, y + rows).intersection(&tiles);
+        (tiles.x0..tiles.x1).step_by(step(columns)).map(block)
+    })
 }

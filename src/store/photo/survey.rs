@@ -60,9 +60,11 @@ pub(super) enum Survey {
 pub(super) struct Needed {
     pub(super) header: PhotoHeader,
     pub(super) shape: Shape,
+    pub(super) demand: Demand,
     pub(super) fingerprint: PhotoFingerprint,
-    /// Where its store file belongs.
+    /// Where its store file and its index belong.
     pub(super) store: PathBuf,
+    pub(super) index: PathBuf,
     /// The store file that is there and matches.
     pub(super) existing: Option<PhotoTiles>,
 }
@@ -98,19 +100,21 @@ pub(super) fn survey(content: Content, source: &PhotoSource, folder: &Path) -> R
         Err(left_out) => return Ok(Survey::Known(Err(left_out))),
     };
     let shape = content.shape(&header);
-    if source.demand.is_none() {
+    let Some(demand) = source.demand else {
         return Ok(Survey::Known(Ok(PreparedPhoto::unread(&source.path, shape))));
-    }
+    };
     let fingerprint = PhotoFingerprint::of(&source.name, &source.path);
     let fingerprint = match left_out_or_fatal(fingerprint, &source.path)? {
         Ok(fingerprint) => fingerprint,
         Err(left_out) => return Ok(Survey::Known(Err(left_out))),
     };
-    let store = folder.join(format!("{}.tiles", store_stem(&source.name)));
+    let stem = store_stem(&source.name);
+    let store = folder.join(format!("{stem}.tiles"));
+    let index = folder.join(format!("{stem}.index"));
     // Not there, stale, cut or foreign: a new one takes its place.
     let existing =
         PhotoTiles::open_checked(&store).ok().filter(|tiles| tiles.fingerprint() == fingerprint);
-    Ok(Survey::Needed(Needed { header, shape, fingerprint, store, existing }))
+    Ok(Survey::Needed(Needed { header, shape, demand, fingerprint, store, index, existing }))
 }
 
 /// How a photo's store files are named: names may hold folders and any character.

@@ -18,7 +18,7 @@ impl Random {
         (self.0 >> 33) % limit
     }
 
-    fn between(&mut self, low: i64, high: i64) -> i64 {
+    pub(super) fn between(&mut self, low: i64, high: i64) -> i64 {
         low + i64::try_from(self.below(u64::try_from(high - low).unwrap())).unwrap()
     }
 }
@@ -44,14 +44,14 @@ pub(super) fn build(photo: &Path) -> crate::Result<PhotoTiles> {
 }
 
 /// A level of a photo, decoded as a whole and reduced pixel by pixel.
-struct Naive {
-    size: Size,
+pub(super) struct Naive {
+    pub(super) size: Size,
     channels: usize,
     samples: Vec<u32>,
 }
 
 impl Naive {
-    fn decode(path: &Path) -> Self {
+    pub(super) fn decode(path: &Path) -> Self {
         let header = read_photo_header(path).unwrap();
         let mut samples = Vec::new();
         decode_photo(path, &header, &mut |rows| {
@@ -71,7 +71,7 @@ impl Naive {
         self.samples[(y * self.size.width as usize + x) * self.channels + channel]
     }
 
-    fn halved(&self) -> Self {
+    pub(super) fn halved(&self) -> Self {
         let (width, height) = (i64::from(self.size.width), i64::from(self.size.height));
         let size = Size::new(self.size.width.div_ceil(2), self.size.height.div_ceil(2));
         let mut samples = Vec::new();
@@ -98,7 +98,7 @@ impl Naive {
         Self { size, channels: self.channels, samples }
     }
 
-    fn assert_equals(&self, window: &Window) {
+    pub(super) fn assert_equals(&self, window: &Window) {
         let rect = window.rect;
         let samples: Vec<u32> = match &window.samples {
             Samples::U8(image) => image.data().iter().map(|&s| s.into()).collect(),

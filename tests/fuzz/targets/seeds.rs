@@ -31,6 +31,9 @@ fn main() {
             _ => "mesh",
         };
         into(target, &name, &bytes);
+        if ending == "jpg" {
+            into("photo_index", &name, &bytes);
+        }
     }
     for (kind, first) in [("text", 0_u8), ("binary", 1)] {
         for (name, second) in corpus::cameras(&good.join(kind), kind).into_iter().zip([0, 2]) {
