@@ -9,6 +9,8 @@
     reason = "loops over strips, compiled for the widest vectors where they are inlined into the kernel"
 )]
 
+use std::ops::Range;
+
 use super::stack::{Plane, STRIP, SampleTile};
 use super::tile::colour_of;
 use super::{Blend, OrthoTile, Outliers, PhotoStats, Settings, Statistics, Weights};
@@ -73,8 +75,11 @@ pub fn blend_into(
 pub(super) struct Scratch {
     /// Square of the distance to the mean of all.
     distance_squared: Strip,
-    /// The weight of a kept sample; below 0 for others.
-    kept: Strip,
+    /// 1 for a pixel that the photo sees, else 0; 1 for one whose sample is kept, else 0.
+    is_seen: Strip,
+    is_kept: Strip,
+    /// The sample's weight; what it is where there is no sample means nothing.
+    weight: Strip,
     /// Counts, whole numbers: of samples, of those kept, of those compared, of their distances in 1/256.
     seen: Strip,
     used: Strip,
@@ -85,7 +90,9 @@ pub(super) struct Scratch {
 impl Scratch {
     const NONE: Self = Self {
         distance_squared: [0.0; STRIP],
-        kept: [0.0; STRIP],
+        is_seen: [0.0; STRIP],
+        is_kept: [0.0; STRIP],
+        weight: [0.0; STRIP],
         seen: [0.0; STRIP],
         used: [0.0; STRIP],
         compared: [0.0; STRIP],
@@ -131,10 +138,19 @@ impl<const C: usize> Kernel for BlendBlock<'_, C> {
         let area = part.area();
         for first in (0..area).step_by(STRIP) {
             let verdict = judge::<C>(settings, planes, scratch, first);
-            let count = STRIP.min(area - first);
-            for k in (0..count).filter(|&k| verdict.seen[k] > 0.0) {
-                let at = tile.index(part, first + k);
-                put::<C>(tile, at, &verdict, k, planes);
+            // A strip may reach over several rows.
+            let end = area.min(first + STRIP);
+            let mut k = first;
+            while k < end {
+                let of_row = (end - k).min(part.width() - k % part.width());
+                put::<C>(
+                    tile,
+                    tile.index(part, k),
+                    &verdict,
+                    k - first..k - first + of_row,
+                    planes,
+                );
+                k += of_row;
             }
         }
         for (plane, counted) in planes.iter().zip(&*scratch) {
@@ -143,10 +159,9 @@ impl<const C: usize> Kernel for BlendBlock<'_, C> {
     }
 }
 
-/// The samples of a plane from pixel `first` on: weights, and colours by channel.
+/// The colours of a plane from pixel `first` on, by channel; finite, also where the photo sees nothing.
 #[inline(always)]
-fn samples_at<const C: usize>(plane: &Plane, first: usize) -> (&Strip, [Strip; C]) {
-    let weights = plane.weights[first..].first_chunk().expect("whole strips");
+fn colours_at<const C: usize>(plane: &Plane, first: usize) -> [Strip; C] {
     let mut colours = [[0.0; STRIP]; C];
     for c in 0..C {
         let of: &[f32; STRIP] = plane.colours[c][first..].first_chunk().expect("whole strips");
@@ -154,7 +169,7 @@ fn samples_at<const C: usize>(plane: &Plane, first: usize) -> (&Strip, [Strip; C
             colours[c][k] = f64::from(of[k]);
         }
     }
-    (weights, colours)
+    colours
 }
 
 /// `a` where `is` holds, else `b`: by bits, lest the compiler make a branch or a masked store of it.
@@ -174,36 +189,37 @@ fn judge<const C: usize>(
 ) -> Verdict<C> {
     // How many see each pixel, and the unweighted mean colour.
     let (mut seen, mut mean) = ([0.0; STRIP], [[0.0; STRIP]; C]);
-    for plane in planes {
-        let (weights, colours) = samples_at::<C>(plane, first);
+    for (plane, s) in planes.iter().zip(&mut *scratch) {
+        s.weight = *plane.weights[first..].first_chunk().expect("whole strips");
         for k in 0..STRIP {
-            let is_seen = weights[k] >= 0.0;
-            seen[k] += select(is_seen, 1.0, 0.0);
-            for c in 0..C {
-                mean[c][k] += select(is_seen, colours[c][k], 0.0);
+            s.is_seen[k] = select(s.weight[k] >= 0.0, 1.0, 0.0);
+            seen[k] += s.is_seen[k];
+        }
+        let colours = colours_at::<C>(plane, first);
+        for c in 0..C {
+            for k in 0..STRIP {
+                mean[c][k] += s.is_seen[k] * colours[c][k];
             }
         }
     }
-    for of in &mut mean {
+    for c in 0..C {
         for k in 0..STRIP {
-            of[k] /= seen[k];
+            mean[c][k] /= seen[k];
         }
     }
     keep::<C>(settings, planes, scratch, first, (&seen, &mean));
-    let verdict = mean_of_kept::<C>(settings, planes, scratch, first, &seen);
-    let Mean { used, best, mean, chosen } = verdict;
+    let Mean { used, best, mean, mut chosen } = mean_of_kept::<C>(settings, planes, scratch, first);
     compare::<C>(planes, scratch, first, (&seen, &mean));
     let max = f64::from(settings.depth.max());
-    let mut colour = chosen;
-    for of in &mut colour {
-        for v in of {
-            *v = round(*v, max);
+    for c in 0..C {
+        for k in 0..STRIP {
+            chosen[c][k] = round(chosen[c][k], max);
         }
     }
-    Verdict { seen, used, best, colour }
+    Verdict { seen, used, best, colour: chosen }
 }
 
-/// Outliers: enters in `scratch` the weights of the samples that are kept.
+/// Outliers: tells in `scratch` which samples are kept.
 #[inline(always)]
 fn keep<const C: usize>(
     settings: &Settings,
@@ -212,19 +228,18 @@ fn keep<const C: usize>(
     first: usize,
     (seen, mean): (&Strip, &[Strip; C]),
 ) {
-    let is_tested = settings.outliers == Outliers::Sigma && seen.iter().any(|&n| n > 2.0);
-    if !is_tested {
-        for (plane, s) in planes.iter().zip(scratch) {
-            s.kept = *samples_at::<C>(plane, first).0;
+    if settings.outliers == Outliers::None || seen.iter().all(|&n| n <= 2.0) {
+        for s in scratch {
+            s.is_kept = s.is_seen;
         }
         return;
     }
     let mut sum = [0.0; STRIP];
     for (plane, s) in planes.iter().zip(&mut *scratch) {
-        let (weights, colours) = samples_at::<C>(plane, first);
-        s.distance_squared = distance_squared(&colours, mean);
+        // Where nobody sees anything the mean is not a number, nor is what comes of it, which nobody reads.
+        s.distance_squared = distance_squared(&colours_at::<C>(plane, first), mean);
         for k in 0..STRIP {
-            sum[k] += select(weights[k] >= 0.0, s.distance_squared[k], 0.0);
+            sum[k] += s.is_seen[k] * s.distance_squared[k];
         }
     }
     let range = f64::from(settings.depth.max());
@@ -237,31 +252,27 @@ fn keep<const C: usize>(
         limit[k] = select(all_stay, f64::INFINITY, factor * sigma_squared);
     }
     let mut used = [0.0; STRIP];
-    for (plane, s) in planes.iter().zip(&mut *scratch) {
-        let (weights, _) = samples_at::<C>(plane, first);
+    for s in &mut *scratch {
         for k in 0..STRIP {
-            let is_kept = (weights[k] >= 0.0) & (s.distance_squared[k] <= limit[k]);
-            s.kept[k] = select(is_kept, weights[k], -1.0);
-            used[k] += select(is_kept, 1.0, 0.0);
+            s.is_kept[k] = select(s.distance_squared[k] <= limit[k], s.is_seen[k], 0.0);
+            used[k] += s.is_kept[k];
         }
     }
     for k in (0..STRIP).filter(|&k| used[k] == 0.0 && seen[k] > 0.0) {
-        keep_nearest(planes, scratch, first, k);
+        keep_nearest(scratch, k);
     }
 }
 
 /// A β below 1 may drop all samples of a pixel: the nearest to the mean stays, of equals the lowest id.
 #[cold]
-fn keep_nearest(planes: &[Plane], scratch: &mut [Scratch], first: usize, k: usize) {
+fn keep_nearest(scratch: &mut [Scratch], k: usize) {
     let mut nearest = (f64::INFINITY, 0);
-    for (i, (plane, s)) in planes.iter().zip(&*scratch).enumerate() {
-        let d = s.distance_squared[k];
-        if plane.weights[first + k] >= 0.0 && d < nearest.0 {
-            nearest = (d, i);
+    for (i, s) in scratch.iter().enumerate() {
+        if s.is_seen[k] > 0.0 && s.distance_squared[k] < nearest.0 {
+            nearest = (s.distance_squared[k], i);
         }
     }
-    let (_, i) = nearest;
-    scratch[i].kept[k] = planes[i].weights[first + k];
+    scratch[nearest.1].is_kept[k] = 1.0;
 }
 
 /// Square of the Euclidean distance over the channels.
@@ -292,66 +303,88 @@ struct Mean<const C: usize> {
 fn mean_of_kept<const C: usize>(
     settings: &Settings,
     planes: &[Plane],
-    scratch: &[Scratch],
+    scratch: &mut [Scratch],
     first: usize,
-    seen: &Strip,
 ) -> Mean<C> {
-    // Weights; all zero means all equal.
-    let (mut used, mut total) = ([0.0; STRIP], [0.0; STRIP]);
-    for s in scratch {
-        for k in 0..STRIP {
-            let is_kept = s.kept[k] >= 0.0;
-            used[k] += select(is_kept, 1.0, 0.0);
-            total[k] += select(is_kept, s.kept[k], 0.0);
-        }
-    }
-    if settings.weights == Weights::Equal {
-        total = [0.0; STRIP];
-    }
-    let mut divisor = [0.0; STRIP];
-    for k in 0..STRIP {
-        divisor[k] = select(total[k] > 0.0, total[k], used[k]);
-    }
+    let (used, total) = weigh(settings, scratch);
+    // The colour of the first that is kept: of the last, going back.
     let zero = [[0.0; STRIP]; C];
-    let (mut base, mut sum, mut best_colour) = (zero, zero, zero);
-    let (mut best, mut best_weight) = ([0.0; STRIP], [-1.0; STRIP]);
-    for (i, (plane, s)) in planes.iter().zip(scratch).enumerate() {
-        let (_, colours) = samples_at::<C>(plane, first);
-        let i = i as f64;
-        let mut weight = [0.0; STRIP];
-        for k in 0..STRIP {
-            let equal = select(s.kept[k] >= 0.0, 1.0, -1.0);
-            weight[k] = select(total[k] > 0.0, s.kept[k], equal);
-        }
+    let (mut base, mut sum) = (zero, zero);
+    for (plane, s) in planes.iter().zip(&*scratch).rev() {
+        let colours = colours_at::<C>(plane, first);
         for c in 0..C {
             for k in 0..STRIP {
-                let v = colours[c][k];
-                let is_first = (weight[k] >= 0.0) & (best_weight[k] < 0.0);
-                base[c][k] = select(is_first, v, base[c][k]);
-                let share = weight[k] * (v - base[c][k]);
-                sum[c][k] += select(weight[k] >= 0.0, share, 0.0);
-                // Below 0 it is not kept, and never heavier.
-                best_colour[c][k] = select(weight[k] > best_weight[k], v, best_colour[c][k]);
+                base[c][k] = select(s.is_kept[k] > 0.0, colours[c][k], base[c][k]);
             }
         }
+    }
+    for (plane, s) in planes.iter().zip(&*scratch) {
+        let colours = colours_at::<C>(plane, first);
+        for c in 0..C {
+            for k in 0..STRIP {
+                sum[c][k] += s.weight[k] * (colours[c][k] - base[c][k]);
+            }
+        }
+    }
+    let mut mean = zero;
+    for c in 0..C {
+        for k in 0..STRIP {
+            mean[c][k] = base[c][k] + sum[c][k] / total[k];
+        }
+    }
+    let (mut best, mut best_weight) = ([0.0; STRIP], [-1.0; STRIP]);
+    let mut best_colour = zero;
+    for (i, (plane, s)) in planes.iter().zip(&*scratch).enumerate() {
+        let mut weight = [0.0; STRIP];
+        for k in 0..STRIP {
+            weight[k] = select(s.is_kept[k] > 0.0, s.weight[k], -1.0);
+        }
+        if settings.blend == Blend::Best {
+            let colours = colours_at::<C>(plane, first);
+            for c in 0..C {
+                for k in 0..STRIP {
+                    let is_best = weight[k] > best_weight[k];
+                    best_colour[c][k] = select(is_best, colours[c][k], best_colour[c][k]);
+                }
+            }
+        }
+        let i = i as f64;
         for k in 0..STRIP {
             let is_best = weight[k] > best_weight[k];
             best[k] = select(is_best, i, best[k]);
             best_weight[k] = select(is_best, weight[k], best_weight[k]);
         }
     }
-    let mut mean = zero;
-    for c in 0..C {
-        for k in 0..STRIP {
-            mean[c][k] = base[c][k] + sum[c][k] / divisor[k];
-        }
-    }
-    debug_assert!(used.iter().zip(seen).all(|(used, seen)| used <= seen));
     let chosen = match settings.blend {
         Blend::Mean => mean,
         Blend::Best => best_colour,
     };
     Mean { used, best, mean, chosen }
+}
+
+/// Enters in `scratch` what each sample weighs, 0 where it is not kept: how many are, and what they weigh together.
+#[inline(always)]
+fn weigh(settings: &Settings, scratch: &mut [Scratch]) -> (Strip, Strip) {
+    let (mut used, mut total) = ([0.0; STRIP], [0.0; STRIP]);
+    for s in &*scratch {
+        for k in 0..STRIP {
+            used[k] += s.is_kept[k];
+            total[k] += s.is_kept[k] * s.weight[k];
+        }
+    }
+    if settings.weights == Weights::Equal {
+        total = [0.0; STRIP];
+    }
+    for s in scratch {
+        for k in 0..STRIP {
+            // All zero means all equal.
+            s.weight[k] = s.is_kept[k] * select(total[k] > 0.0, s.weight[k], 1.0);
+        }
+    }
+    for k in 0..STRIP {
+        total[k] = select(total[k] > 0.0, total[k], used[k]);
+    }
+    (used, total)
 }
 
 /// Counts the samples, and how far they are from the mean of those kept.
@@ -362,19 +395,22 @@ fn compare<const C: usize>(
     first: usize,
     (seen, mean): (&Strip, &[Strip; C]),
 ) {
+    let mut is_compared = [0.0; STRIP];
+    for k in 0..STRIP {
+        is_compared[k] = select(seen[k] > 1.0, 1.0, 0.0);
+    }
     for (plane, s) in planes.iter().zip(scratch) {
-        let (weights, colours) = samples_at::<C>(plane, first);
-        let d = distance_squared(&colours, mean);
+        let d = distance_squared(&colours_at::<C>(plane, first), mean);
         for k in 0..STRIP {
-            s.seen[k] += select(weights[k] >= 0.0, 1.0, 0.0);
-            s.used[k] += select(s.kept[k] >= 0.0, 1.0, 0.0);
+            s.seen[k] += s.is_seen[k];
+            s.used[k] += s.is_kept[k];
+            s.compared[k] += s.is_seen[k] * is_compared[k];
         }
         for k in 0..STRIP {
-            let is_compared = (weights[k] >= 0.0) & (seen[k] > 1.0);
-            s.compared[k] += select(is_compared, 1.0, 0.0);
-            // In 1/256, rounded half up.
+            // In 1/256, rounded half up; not a number where nobody sees anything.
             let distance = whole(d[k].sqrt() * 256.0 + 0.5);
-            s.residual_256[k] += select(is_compared, distance, 0.0);
+            let is_counted = s.is_seen[k] * is_compared[k] > 0.0;
+            s.residual_256[k] += select(is_counted, distance, 0.0);
         }
     }
 }
@@ -395,7 +431,7 @@ fn round(v: f64, max: f64) -> f64 {
     whole + select(clamped - whole >= 0.5, 1.0, 0.0)
 }
 
-/// Writes one pixel.
+/// Writes the pixels `of_row` of a strip, which lie side by side from `at` on.
 #[inline(always)]
 #[expect(
     clippy::cast_possible_truncation,
@@ -406,27 +442,54 @@ fn put<const C: usize>(
     tile: &mut OrthoTile,
     at: usize,
     verdict: &Verdict<C>,
-    k: usize,
+    of_row: Range<usize>,
     planes: &[Plane],
 ) {
-    assert!(tile.count.data()[at] != OrthoTile::NO_SURFACE, "a sample needs a surface");
+    let (from, count) = (of_row.start, of_row.len());
+    let Verdict { seen, used, best, colour } = verdict;
+    let (seen, used) = (&seen[of_row.clone()], &used[of_row.clone()]);
+    let best = &best[of_row];
     let saturated = |n: f64| (n as u8).min(OrthoTile::MAX_COUNT);
-    let seen = saturated(verdict.seen[k]);
-    tile.count.data_mut()[at] = seen;
-    tile.used.data_mut()[at] = saturated(verdict.used[k]);
-    tile.coverage.data_mut()[at] = seen.min(3);
-    tile.best.data_mut()[at] = planes[verdict.best[k] as usize].photo;
-    let colour = verdict.colour.each_ref().map(|of| of[k]);
+    let range = at..at + count;
+    let counts = &mut tile.count.data_mut()[range.clone()];
+    for (count, &seen) in counts.iter_mut().zip(seen).filter(|(_, seen)| **seen > 0.0) {
+        assert!(*count != OrthoTile::NO_SURFACE, "a sample needs a surface");
+        *count = saturated(seen);
+    }
+    let layers = [(&mut tile.used, used, OrthoTile::MAX_COUNT), (&mut tile.coverage, seen, 3)];
+    for (layer, v, most) in layers {
+        for (k, out) in layer.data_mut()[range.clone()].iter_mut().enumerate() {
+            *out = if seen[k] > 0.0 { saturated(v[k]).min(most) } else { *out };
+        }
+    }
+    for (k, out) in tile.best.data_mut()[range.clone()].iter_mut().enumerate() {
+        if seen[k] > 0.0 {
+            *out = planes[best[k] as usize].photo;
+        }
+    }
     match &mut tile.colour {
-        Samples::U8(i) => put_colour(i, at, colour.map(|v| v as u8), u8::MAX),
-        Samples::U16(i) => put_colour(i, at, colour.map(|v| v as u16), u16::MAX),
+        Samples::U8(i) => put_colours(i, range, seen, u8::MAX, |c, k| colour[c][from + k] as u8),
+        Samples::U16(i) => put_colours(i, range, seen, u16::MAX, |c, k| colour[c][from + k] as u16),
     }
 }
 
-/// Writes one pixel's colour and alpha.
+/// Writes colour and alpha of the pixels that anyone sees.
 #[inline(always)]
-fn put_colour<T: Copy, const C: usize>(image: &mut Image<T>, at: usize, colour: [T; C], alpha: T) {
-    let pixel = &mut image.data_mut()[at * (C + 1)..(at + 1) * (C + 1)];
-    pixel[..C].copy_from_slice(&colour);
-    pixel[C] = alpha;
+fn put_colours<T: Copy>(
+    image: &mut Image<T>,
+    range: Range<usize>,
+    seen: &[f64],
+    alpha: T,
+    colour: impl Fn(usize, usize) -> T,
+) {
+    let channels = image.channels();
+    let pixels = &mut image.data_mut()[range.start * channels..range.end * channels];
+    for (k, pixel) in pixels.chunks_exact_mut(channels).enumerate() {
+        if seen[k] > 0.0 {
+            for (c, out) in pixel[..channels - 1].iter_mut().enumerate() {
+                *out = colour(c, k);
+            }
+            pixel[channels - 1] = alpha;
+        }
+    }
 }

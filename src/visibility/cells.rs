@@ -130,9 +130,12 @@ impl PointCells {
         }
         self.points.resize(points.x.len());
         let SortedPoints { x, y, limit, face, index } = &mut self.points;
+        let (x, y, limit) = (x.as_mut_slice(), y.as_mut_slice(), limit.as_mut_slice());
+        let (face, index) = (face.as_mut_slice(), index.as_mut_slice());
+        let starts = self.starts.as_mut_slice();
         let from = points.x.iter().zip(&points.y).zip(&points.limit).zip(&points.face);
         for ((k, &cell), (((&px, &py), &plimit), &pface)) in (0..).zip(&self.cells).zip(from) {
-            let next = &mut self.starts[cell as usize + 1];
+            let next = &mut starts[cell as usize + 1];
             let to = *next as usize;
             *next += 1;
             (x[to], y[to], limit[to], face[to], index[to]) = (px, py, plimit, pface, k);
