@@ -159,17 +159,10 @@ impl<const C: usize> Kernel for BlendBlock<'_, C> {
     }
 }
 
-/// The colours of a plane from pixel `first` on, by channel; finite, also where the photo sees nothing.
+/// A channel of a plane from pixel `first` on; finite, also where the photo sees nothing.
 #[inline(always)]
-fn colours_at<const C: usize>(plane: &Plane, first: usize) -> [Strip; C] {
-    let mut colours = [[0.0; STRIP]; C];
-    for c in 0..C {
-        let of: &[f32; STRIP] = plane.colours[c][first..].first_chunk().expect("whole strips");
-        for k in 0..STRIP {
-            colours[c][k] = f64::from(of[k]);
-        }
-    }
-    colours
+fn channel(plane: &Plane, c: usize, first: usize) -> &[f32; STRIP] {
+    plane.colours[c][first..].first_chunk().expect("whole strips")
 }
 
 /// `a` where `is` holds, else `b`: by bits, lest the compiler make a branch or a masked store of it.
@@ -195,10 +188,10 @@ fn judge<const C: usize>(
             s.is_seen[k] = select(s.weight[k] >= 0.0, 1.0, 0.0);
             seen[k] += s.is_seen[k];
         }
-        let colours = colours_at::<C>(plane, first);
         for c in 0..C {
+            let colour = channel(plane, c, first);
             for k in 0..STRIP {
-                mean[c][k] += s.is_seen[k] * colours[c][k];
+                mean[c][k] += s.is_seen[k] * f64::from(colour[k]);
             }
         }
     }
@@ -237,7 +230,7 @@ fn keep<const C: usize>(
     let mut sum = [0.0; STRIP];
     for (plane, s) in planes.iter().zip(&mut *scratch) {
         // Where nobody sees anything the mean is not a number, nor is what comes of it, which nobody reads.
-        s.distance_squared = distance_squared(&colours_at::<C>(plane, first), mean);
+        distance_squared(plane, first, mean, &mut s.distance_squared);
         for k in 0..STRIP {
             sum[k] += s.is_seen[k] * s.distance_squared[k];
         }
@@ -277,15 +270,20 @@ fn keep_nearest(scratch: &mut [Scratch], k: usize) {
 
 /// Square of the Euclidean distance over the channels.
 #[inline(always)]
-fn distance_squared<const C: usize>(colours: &[Strip; C], mean: &[Strip; C]) -> Strip {
-    let mut sum = [0.0; STRIP];
+fn distance_squared<const C: usize>(
+    plane: &Plane,
+    first: usize,
+    mean: &[Strip; C],
+    sum: &mut Strip,
+) {
+    *sum = [0.0; STRIP];
     for c in 0..C {
+        let colour = channel(plane, c, first);
         for k in 0..STRIP {
-            let d = colours[c][k] - mean[c][k];
+            let d = f64::from(colour[k]) - mean[c][k];
             sum[k] += d * d;
         }
     }
-    sum
 }
 
 /// Weighted mean of the kept samples.
@@ -311,18 +309,18 @@ fn mean_of_kept<const C: usize>(
     let zero = [[0.0; STRIP]; C];
     let (mut base, mut sum) = (zero, zero);
     for (plane, s) in planes.iter().zip(&*scratch).rev() {
-        let colours = colours_at::<C>(plane, first);
         for c in 0..C {
+            let colour = channel(plane, c, first);
             for k in 0..STRIP {
-                base[c][k] = select(s.is_kept[k] > 0.0, colours[c][k], base[c][k]);
+                base[c][k] = select(s.is_kept[k] > 0.0, f64::from(colour[k]), base[c][k]);
             }
         }
     }
     for (plane, s) in planes.iter().zip(&*scratch) {
-        let colours = colours_at::<C>(plane, first);
         for c in 0..C {
+            let colour = channel(plane, c, first);
             for k in 0..STRIP {
-                sum[c][k] += s.weight[k] * (colours[c][k] - base[c][k]);
+                sum[c][k] += s.weight[k] * (f64::from(colour[k]) - base[c][k]);
             }
         }
     }
@@ -340,11 +338,11 @@ fn mean_of_kept<const C: usize>(
             weight[k] = select(s.is_kept[k] > 0.0, s.weight[k], -1.0);
         }
         if settings.blend == Blend::Best {
-            let colours = colours_at::<C>(plane, first);
             for c in 0..C {
+                let colour = channel(plane, c, first);
                 for k in 0..STRIP {
                     let is_best = weight[k] > best_weight[k];
-                    best_colour[c][k] = select(is_best, colours[c][k], best_colour[c][k]);
+                    best_colour[c][k] = select(is_best, f64::from(colour[k]), best_colour[c][k]);
                 }
             }
         }
@@ -399,8 +397,9 @@ fn compare<const C: usize>(
     for k in 0..STRIP {
         is_compared[k] = select(seen[k] > 1.0, 1.0, 0.0);
     }
+    let mut d = [0.0; STRIP];
     for (plane, s) in planes.iter().zip(scratch) {
-        let d = distance_squared(&colours_at::<C>(plane, first), mean);
+        distance_squared(plane, first, mean, &mut d);
         for k in 0..STRIP {
             s.seen[k] += s.is_seen[k];
             s.used[k] += s.is_kept[k];

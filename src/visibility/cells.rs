@@ -15,8 +15,8 @@ use super::points::{BlockPoints, RayPoints};
 use super::sight::Sight;
 use crate::geom::{Bounds2, Bounds3, FaceBlock, Kernel, LANES, held_bytes, run_widest};
 
-/// Width and height of a cell, photo pixels. A typical face is two pixels wide: fewer, longer rows of points.
-const CELL_PX: [f32; 2] = [1.0, 2.0];
+/// Width and height of a cell, photo pixels. A typical face is two or three pixels wide: few, longer rows of points.
+const CELL_PX: [f32; 2] = [1.0, 3.0];
 
 /// Most cells of a block and photo, as a multiple of its points: beyond it cells grow.
 const CELLS_PER_POINT: f32 = 1.0;
