@@ -49,6 +49,28 @@ impl Placement {
         }
     }
 
+    /// The pixels of level 0, whose size is `size`, below `inner`, which lies on level `level`.
+    pub(super) fn finest(&self, level: u32, size: Size) -> PixelRect {
+        let PixelRect { x0, y0, x1, y1 } = self.inner;
+        let below = PixelRect::new(x0 << level, y0 << level, x1 << level, y1 << level);
+        below.intersection(&size.rect())
+    }
+
+    /// Copies the samples of all of `inner` to their place in `out`, whose rows are `stride` samples long.
+    pub(super) fn put<S: Copy>(
+        &self,
+        samples: &[S],
+        channels: usize,
+        stride: usize,
+        out: &mut [S],
+    ) {
+        let row = self.inner.width() * channels;
+        let to = self.top * stride + self.left * channels;
+        for (samples, out) in samples.chunks_exact(row).zip(out[to..].chunks_mut(stride)) {
+            out[..row].copy_from_slice(samples);
+        }
+    }
+
     /// Repeats the outermost columns and rows of `inner`, which is in its place in `out`.
     pub(super) fn repeat_edges<S: Copy>(&self, out: &mut [S], stride: usize, channels: usize) {
         let (begin, end) = (self.left * channels, (self.left + self.inner.width()) * channels);

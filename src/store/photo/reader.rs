@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::build::{PhotoFingerprint, PhotoTiles};
 use super::cache::{TileCache, TileSample};
 use super::format::{Shape, TILE_SIDE};
+use super::halve::average_rows;
 use super::jpeg::IndexedFiles;
 use super::placement::Placement;
 use super::prepared::PreparedPhoto;
@@ -18,6 +19,8 @@ use crate::{Error, Result};
 
 /// Most pixels of a window: 2²⁶, which is 192 MiB of RGB. A window serves some blocks of a mosaic tile.
 const MAX_WINDOW_PIXELS: u64 = 1 << 26;
+/// Most pixels of level 0 that a window of a coarser level is halved from: 512 × 512.
+const MAX_COARSE_PIXELS: usize = 1 << 18;
 /// Most photos of a store: their number has 24 bits in the cache's keys.
 const MAX_PHOTOS: u64 = 1 << 24;
 
@@ -254,6 +257,15 @@ impl PhotoStore {
         let frame = Placement::of(rect, shape.level_size(level));
         let side = i64::from(TILE_SIDE);
         let stride = rect.width() * shape.channels;
+        if slot.photo.is_indexed() && level > 0 {
+            let finest = frame.finest(level, shape.size);
+            if finest.area() <= MAX_COARSE_PIXELS {
+                let samples = self.coarse(photo, level, finest)?;
+                frame.put(&samples, shape.channels, stride, out);
+                frame.repeat_edges(out, stride, shape.channels);
+                return Ok(());
+            }
+        }
         let last = |end: i64| (end - 1) / side + 1;
         let inner = frame.inner;
         let tiles =
@@ -267,6 +279,26 @@ impl PhotoStore {
         }
         frame.repeat_edges(out, stride, shape.channels);
         Ok(())
+    }
+
+    /// Samples of a coarser level, halved from the part `finest` of level 0, which begins at a multiple of 2^level and
+    /// ends there too, or at the photo's edge. Of a photo that is read by an index the tiles of level 0 around are
+    /// likely in the cache, where a whole tile of a coarse level would need many more of them.
+    fn coarse<S: TileSample>(&self, photo: usize, level: u32, finest: PixelRect) -> Result<Vec<S>> {
+        let channels = self.photo(photo).shape.channels;
+        let mut samples = vec![S::default(); finest.area() * channels];
+        self.fill(photo, 0, finest, &mut samples)?;
+        let mut width = finest.width();
+        for _ in 0..level {
+            let stride = width * channels;
+            let mut halved = Vec::with_capacity(samples.len() / 4 + stride);
+            for pair in samples.chunks(2 * stride) {
+                average_rows(pair, stride, channels, &mut halved);
+            }
+            samples = halved;
+            width = width.div_ceil(2);
+        }
+        Ok(samples)
     }
 }
 
