@@ -1,7 +1,8 @@
 //! How a photo is read: chosen by cost alone, as the samples are the same in any way.
 //!
-//! Measured on photos of 1.5 to 6 megapixels, Mpx/s of one thread: a tile of a store file is read at 70–220; a JPEG is
-//! decoded as a whole at 40–80, by windows at 60–90; its index is made at 270–620, its store file at 20–40.
+//! Measured on photos of 1.5 to 6 megapixels, Mpx/s of one thread of a busy machine: a tile of a store file is read at
+//! 70–230; a JPEG is decoded as a whole at 40–110, by windows at 45–90; its index is made at 270–620, its store file at
+//! 20–50.
 
 use super::build::{Content, working_bytes};
 use super::jpeg;
