@@ -6,6 +6,7 @@
 #![expect(
     clippy::inline_always,
     clippy::needless_range_loop,
+    clippy::needless_bitwise_bool,
     reason = "loops over strips, compiled for the widest vectors where they are inlined into the kernel"
 )]
 
@@ -201,7 +202,8 @@ fn judge<const C: usize>(
         }
     }
     keep::<C>(settings, planes, scratch, first, (&seen, &mean));
-    let Mean { used, best, mean, mut chosen } = mean_of_kept::<C>(settings, planes, scratch, first);
+    let Merged { used, best, mean, mut chosen } =
+        mean_of_kept::<C>(settings, planes, scratch, first);
     compare::<C>(planes, scratch, first, (&seen, &mean));
     let max = f64::from(settings.depth.max());
     for c in 0..C {
@@ -286,8 +288,8 @@ fn distance_squared<const C: usize>(
     }
 }
 
-/// Weighted mean of the kept samples.
-struct Mean<const C: usize> {
+/// What the kept samples come to.
+struct Merged<const C: usize> {
     used: Strip,
     best: Strip,
     mean: [Strip; C],
@@ -303,7 +305,7 @@ fn mean_of_kept<const C: usize>(
     planes: &[Plane],
     scratch: &mut [Scratch],
     first: usize,
-) -> Mean<C> {
+) -> Merged<C> {
     let (used, total) = weigh(settings, scratch);
     // The colour of the first that is kept: of the last, going back.
     let zero = [[0.0; STRIP]; C];
@@ -357,7 +359,7 @@ fn mean_of_kept<const C: usize>(
         Blend::Mean => mean,
         Blend::Best => best_colour,
     };
-    Mean { used, best, mean, chosen }
+    Merged { used, best, mean, chosen }
 }
 
 /// Enters in `scratch` what each sample weighs, 0 where it is not kept: how many are, and what they weigh together.

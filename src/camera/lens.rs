@@ -126,6 +126,7 @@ impl Lens {
 
     /// Whether a photo position lies in the frame: 0 ≤ x < width and 0 ≤ y < height.
     #[inline]
+    #[expect(clippy::needless_bitwise_bool, reason = "without branches, for loops over many")]
     pub fn contains(&self, position_px: DVec2) -> bool {
         (position_px.x >= 0.0)
             & (position_px.y >= 0.0)

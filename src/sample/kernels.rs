@@ -2,7 +2,6 @@
 
 #![expect(
     clippy::inline_always,
-    clippy::needless_range_loop,
     reason = "loops compiled for the widest vectors where they are inlined into the kernel"
 )]
 

@@ -7,6 +7,7 @@
 
 #![expect(
     clippy::inline_always,
+    clippy::needless_bitwise_bool,
     reason = "compiled for the widest vectors where it is inlined into the kernel"
 )]
 
@@ -231,7 +232,7 @@ impl Limits {
         let near = least(z);
         let size = greatest([self.columns, self.rows, 0.0]);
         let m = greatest([greatest([-x0, x1, -y0]), y1, size]);
-        if !(m < GREATEST_PLACE) {
+        if m.is_nan() || m >= GREATEST_PLACE {
             return Some((self.all, ANYWHERE));
         }
         let margin = CELL_MARGIN + PLACE_ROUNDING * m;

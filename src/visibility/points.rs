@@ -14,7 +14,7 @@ pub const SUB_BLOCK: i64 = 64;
 
 /// A row of a sub-block is one batch.
 const SIDE: usize = RAYS;
-const _: () = assert!(SIDE as i64 == SUB_BLOCK);
+const _: () = assert!(SIDE as u64 == SUB_BLOCK.unsigned_abs());
 
 /// The points of one photo on their way from [`BlockPoints::start`] to [`PointCells::start`](super::PointCells::start),
 /// one entry a point in each array.
@@ -189,13 +189,13 @@ impl BlockPoints {
         for (k, &face) in surface.faces_at[first..first + count].iter().enumerate() {
             // A pixel without a face has no point either, so its limit is 0.
             let is_facing = self.facing.get(face as usize).copied().unwrap_or(false);
-            let is_kept = is_facing & (entries.limit[k] > 0.0);
+            let is_before = entries.limit[k] > 0.0;
             entries.x[kept] = entries.x[k];
             entries.y[kept] = entries.y[k];
             entries.limit[kept] = entries.limit[k];
             entries.face[kept] = face;
             entries.place[kept] = u16::try_from(row + k).expect("a sub-block has 2¹² pixels");
-            kept += usize::from(is_kept);
+            kept += usize::from(is_facing) & usize::from(is_before);
         }
         rays.x.extend_from_slice(&entries.x[..kept]);
         rays.y.extend_from_slice(&entries.y[..kept]);
