@@ -136,7 +136,7 @@ impl Kernel for Candidates<'_> {
             if near > 0.0 {
                 if let Some((range, edges)) = limits.prepare(x, y, z) {
                     let wanted = Wanted { edges, near, id: id.0 };
-                    if might_hide(grid, starts, range, points, &wanted) {
+                    if might_hide(grid, starts, range, &points.slices(), &wanted) {
                         let beyond = (greatest(z) + tolerance) * LIMIT_SLACK * LIMIT_SLACK;
                         collect(grid, starts, range, points, (&wanted, beyond, k), found);
                     }
@@ -295,21 +295,22 @@ fn might_hide(
     grid: &Grid,
     starts: &[u32],
     range: Range,
-    points: &SortedPoints,
+    points: &Slices<'_>,
     wanted: &Wanted,
 ) -> bool {
+    // All bits of a lane where there is a hit.
     let mut hits = [0_u32; LANES];
     for row in range.rows() {
         let of_row = grid.points_of(starts, range, row);
         let mut k = of_row.start;
         while k < of_row.end {
-            let (x, y) = (lanes(&points.x, k), lanes(&points.y, k));
-            let (limit, face) = (lanes(&points.limit, k), lanes(&points.face, k));
+            let (x, y) = (lanes(points.x, k), lanes(points.y, k));
+            let (limit, face) = (lanes(points.limit, k), lanes(points.face, k));
             for lane in 0..LANES {
                 let is_hit = wanted.hits((x[lane], y[lane]), limit[lane], face[lane]);
-                hits[lane] |= u32::from(is_hit);
+                hits[lane] |= u32::from(is_hit).wrapping_neg();
             }
-            k += LANES;
+            k = k.wrapping_add(LANES);
         }
     }
     hits.iter().any(|&hit| hit != 0)
@@ -345,9 +346,30 @@ fn collect(
     }
 }
 
+/// [`SortedPoints`] as slices of one length, so that one check serves them all.
+struct Slices<'a> {
+    x: &'a [f32],
+    y: &'a [f32],
+    limit: &'a [f32],
+    face: &'a [u32],
+}
+
+impl SortedPoints {
+    #[inline(always)]
+    fn slices(&self) -> Slices<'_> {
+        let count = self.x.len();
+        Slices {
+            x: &self.x[..count],
+            y: &self.y[..count],
+            limit: &self.limit[..count],
+            face: &self.face[..count],
+        }
+    }
+}
+
 #[inline(always)]
 fn lanes<T>(of: &[T], from: usize) -> &[T; LANES] {
-    of[from..].first_chunk().expect("there are entries beyond the last point")
+    of[from..from.wrapping_add(LANES)].first_chunk().expect("so many")
 }
 
 /// Whether a face with a corner behind the camera may reach into the rays of the points, nearer than any limit.
