@@ -60,6 +60,16 @@ pub enum Error {
     /// The user or the system asked the process to end; what was finished is kept.
     #[error("interrupted; the same command goes on from here")]
     Interrupted,
+    /// The disk cannot hold what the job would write; nothing was begun.
+    #[error("{}: about {} MiB of disk are needed, but only {} MiB are free", folder.display(), needed_bytes.div_ceil(1 << 20), free_bytes >> 20)]
+    NoRoom {
+        /// A folder on that disk.
+        folder: PathBuf,
+        /// Bytes needed, by the forecast.
+        needed_bytes: u64,
+        /// Bytes free.
+        free_bytes: u64,
+    },
     /// The job cannot be done within the memory or disk it was given; nothing was begun.
     #[error("{what} needs {} MiB, but only {} MiB are allowed{}", needed_bytes.div_ceil(1 << 20), allowed_bytes >> 20, hint.as_deref().map(|h| format!(" ({h})")).unwrap_or_default())]
     OverBudget {
@@ -119,7 +129,7 @@ impl Error {
             | Self::Unsupported { .. }
             | Self::Limit { .. }
             | Self::Usage(_) => 2,
-            Self::OverBudget { .. } => 3,
+            Self::OverBudget { .. } | Self::NoRoom { .. } => 3,
             Self::Interrupted => 4,
         }
     }

@@ -77,6 +77,8 @@ pub struct Progress {
     pub done: usize,
     /// Tiles that the run is to make, those of earlier runs counted.
     pub total: usize,
+    /// The tile that has just been rendered.
+    pub tile: TileAddress,
 }
 
 /// What a run did.
@@ -278,7 +280,7 @@ impl Crew<'_> {
                         self.deliver(tile, rasters, sender, &mut scratch);
                     }
                     let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-                    progress(Progress { done, total: self.total })?;
+                    progress(Progress { done, total: self.total, tile: *address })?;
                 }
             }
         }

@@ -4,18 +4,24 @@
 //! [`default_pixel_size`], the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]), and an
 //! estimate of what is needed of each photo ([`photo_needs`]).
 //!
+//! Before anything is built, [`Forecast`] says what it will take of memory, disk and time, from a [`Survey`] of the mosaic.
+//!
 //! Promises: everything is a function of the mesh, the photos and the frame, by rules that do not depend on threads
 //! or memory; one partition at a time is in memory. Which partitions and photos a tile needs is found when it is
 //! rendered: occluders may lie far outside the tile's column.
 
 mod extent;
+mod forecast;
 mod needs;
 mod partitions;
 mod pixel_size;
+mod survey;
 #[cfg(test)]
 mod tests;
 
 pub use extent::{check_meeting, check_pixels, default_extent};
+pub use forecast::{Forecast, JobDemand, tile_weight};
 pub use needs::{PhotoNeed, photo_needs};
 pub use partitions::{Partitions, Slab};
 pub use pixel_size::default_pixel_size;
+pub use survey::{Survey, WorkAmount};

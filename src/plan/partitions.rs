@@ -18,6 +18,9 @@ pub trait Partitions {
     /// Bounds of a partition, local frame, metres.
     fn bounds(&self, partition: usize) -> Bounds3;
 
+    /// Number of triangles of a partition.
+    fn faces(&self, partition: usize) -> usize;
+
     /// Calls `f` with the faces of a partition.
     ///
     /// # Errors
@@ -36,6 +39,10 @@ impl Partitions for MeshStore {
 
     fn bounds(&self, partition: usize) -> Bounds3 {
         self.partition_bounds(id(partition))
+    }
+
+    fn faces(&self, partition: usize) -> usize {
+        self.partition_triangles(id(partition))
     }
 
     fn visit(&self, partition: usize, f: &mut dyn FnMut(&FaceBlock<'_>)) -> Result<()> {
@@ -167,6 +174,10 @@ pub(super) mod soup {
 
         fn bounds(&self, partition: usize) -> Bounds3 {
             Bounds3::of(self.partitions[partition].iter().copied())
+        }
+
+        fn faces(&self, partition: usize) -> usize {
+            self.partitions[partition].len() / 3
         }
 
         fn visit(&self, partition: usize, f: &mut dyn FnMut(&FaceBlock<'_>)) -> Result<()> {

@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 
 use super::photos::PhotoReport;
 use super::stages::Stage;
+use crate::plan::{Forecast, JobDemand};
 
 /// Everything a run found. Fields are serialised in the order in which they stand here.
 #[derive(Clone, Debug, Serialize)]
@@ -167,6 +168,10 @@ pub struct Run {
     pub memory: Vec<MemoryUse>,
     /// How much of the photos was decoded.
     pub photo_pixels: PhotoPixels,
+    /// What it was forecast to take.
+    pub forecast: Forecast,
+    /// What was known of the job when that was reckoned.
+    pub forecast_of: JobDemand,
 }
 
 /// Pixels of the photos, at their full size.

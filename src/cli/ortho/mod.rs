@@ -1,6 +1,8 @@
 //! `groundel ortho`: inputs → mesh store → grid → photo store → plan → tiles → files → report.
 
 mod choices;
+mod disk;
+mod forecast;
 mod grid;
 mod inputs;
 mod job;
@@ -10,6 +12,7 @@ mod precision;
 mod profile;
 mod reporting;
 mod run;
+mod speed;
 mod stores;
 
 pub use run::ExitStatus;

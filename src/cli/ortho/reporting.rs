@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::super::config::Config;
 use super::super::console;
+use super::forecast::Outlook;
 use super::inputs::Inputs;
 use super::job::Job;
 use crate::output::write_atomically;
@@ -22,12 +23,13 @@ pub(super) struct Outcome<'a> {
     pub(super) job: &'a Job,
     pub(super) statistics: Statistics,
     pub(super) memory: Vec<MemoryUse>,
+    pub(super) outlook: Outlook,
     pub(super) log: StageLog,
 }
 
 /// Writes the report that was asked for and says the summary.
 pub(super) fn report(outcome: &Outcome<'_>) -> Result<()> {
-    let Outcome { config, inputs, job, statistics, memory, log } = outcome;
+    let Outcome { config, inputs, job, statistics, memory, outlook, log } = outcome;
     let photos = photos(job, statistics);
     let rejected = photos.iter().map(|p| p.pixels_rejected).sum();
     let histogram = histogram(statistics);
@@ -48,6 +50,8 @@ pub(super) fn report(outcome: &Outcome<'_>) -> Result<()> {
             peak_memory_bytes: peak_resident_bytes(),
             memory: memory.clone(),
             photo_pixels: photo_pixels(job),
+            forecast: outlook.forecast,
+            forecast_of: outlook.demand,
         },
     };
     if let Some(path) = &config.report {

@@ -6,6 +6,7 @@ use super::super::config::Config;
 use super::super::console;
 use super::super::interrupt;
 use super::super::progress::Progress;
+use super::forecast::Outlook;
 use super::grid::grid;
 use super::inputs::Inputs;
 use super::job::Job;
@@ -13,12 +14,13 @@ use super::outputs;
 use super::reporting::{self, Outcome};
 use super::stores::{Stores, UsablePhotos};
 use crate::batch::{
-    Assembly, Run, SceneTiles, assemble, completed, curve_order, run as run_batch, statistics,
+    Assembly, Run, SceneTiles, TileAddress, assemble, completed, curve_order, run as run_batch,
+    statistics,
 };
 use crate::frame::frame_toml;
 use crate::image::{Colour, Depth};
 use crate::output::{BigTiff, Layer, write_atomically};
-use crate::plan::photo_needs;
+use crate::plan::{Survey, photo_needs, tile_weight};
 use crate::render::{Budget, TileDemand};
 use crate::report::{MemoryUse, StageLog};
 use crate::{Error, Result};
@@ -60,6 +62,7 @@ fn stages(config: &Config) -> Result<ExitStatus> {
     let budget = Budget::new(config.memory_bytes, config.threads, demand(config))?;
     let inputs = log.run("inputs", || Inputs::read(config))?;
     outputs::check(config, &inputs)?;
+    let outlook = Outlook::before(config, &inputs, &budget)?;
     let mesh = log.run("mesh store", || Stores::build_mesh(config, &inputs, &budget))?;
     let photos = log.run("photo headers", || UsablePhotos::check(config, &inputs))?;
     let (mosaic, needs) = log.run("grid", || {
@@ -77,11 +80,14 @@ fn stages(config: &Config) -> Result<ExitStatus> {
     for warning in &job.warnings {
         console::note(&format!("groundel: warning: {warning}"));
     }
-    let memory = log.run("tiles", || tiles(config, &job, &budget))?;
+    let (outlook, survey) =
+        outlook.of_all(config, &budget, (&job.scene.mesh, &job.mosaic, &job.photos))?;
+    let memory = log.run("tiles", || tiles(config, &job, &budget, &survey))?;
     let parts = std::slice::from_ref(&job.part);
     let statistics = statistics(&job.manifest, parts, inputs.cameras.names.len())?;
     log.run("files", || files(config, &job))?;
-    reporting::report(&Outcome { config, inputs: &inputs, job: &job, statistics, memory, log })?;
+    let outcome = Outcome { config, inputs: &inputs, job: &job, statistics, memory, outlook, log };
+    reporting::report(&outcome)?;
     Ok(if job.left_out.is_empty() { ExitStatus::Done } else { ExitStatus::PhotosLeftOut })
 }
 
@@ -94,17 +100,20 @@ fn demand(config: &Config) -> TileDemand {
 }
 
 /// Renders every tile into the job's part file; who held how much memory meanwhile.
-fn tiles(config: &Config, job: &Job, budget: &Budget) -> Result<Vec<MemoryUse>> {
+fn tiles(config: &Config, job: &Job, budget: &Budget, survey: &Survey) -> Result<Vec<MemoryUse>> {
     let order = curve_order(&job.manifest.pyramid());
     let renderer = SceneTiles::new(&job.scene, &job.manifest, budget.block_bytes);
-    let kept = completed(&job.manifest, &job.part)?.len();
-    if kept > 0 && !config.quiet {
-        console::note(&format!("groundel: going on after {kept} of {} tiles", order.len()));
+    let kept = completed(&job.manifest, &job.part)?;
+    if !kept.is_empty() && !config.quiet {
+        console::note(&format!("groundel: going on after {} of {} tiles", kept.len(), order.len()));
     }
-    let left = (order.len() - kept) as u64;
-    let progress = Progress::start("rendering", "tiles", left, config.quiet);
+    let weight = |tile: TileAddress| tile_weight(&survey.within(job.manifest.tile_rect(tile)));
+    let sum = |tiles: &[TileAddress]| tiles.iter().map(|&t| weight(t)).sum::<f64>();
+    let left = (order.len() - kept.len()) as u64;
+    let progress = Progress::start("rendering", "tiles", left, config.quiet)
+        .weighted(sum(&order) - sum(&kept));
     let batch = Run { manifest: &job.manifest, part: &job.part, others: &[], tiles: &order };
-    let done = run_batch(&batch, &renderer, &|_| progress.add(1));
+    let done = run_batch(&batch, &renderer, &|p| progress.add_weighted(1, weight(p.tile)));
     progress.finish();
     let finished = done?.peak_bytes;
     let blocks = renderer.peak_bytes() * config.threads as u64;

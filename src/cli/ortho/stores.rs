@@ -46,11 +46,7 @@ impl Stores {
         inputs: &Inputs,
         budget: &Budget,
     ) -> Result<MeshStore> {
-        let build = MeshBuild {
-            work: config.work.clone(),
-            budget_bytes: usize::try_from(budget.build_bytes).unwrap_or(usize::MAX),
-            resident_limit_bytes: budget.mesh_bytes,
-        };
+        let build = mesh_build(config, budget);
         let sources: Vec<_> = inputs.meshes.iter().map(AsRef::as_ref).collect();
         let progress = Progress::start("mesh store", "%", 100, config.quiet);
         let mut shown = 0;
@@ -178,6 +174,15 @@ fn preparation<'a>(
         threads: config.threads,
         memory_bytes: 0,
         reading: Reading::Auto,
+    }
+}
+
+/// How the mesh store is built.
+pub(super) fn mesh_build(config: &Config, budget: &Budget) -> MeshBuild {
+    MeshBuild {
+        work: config.work.clone(),
+        budget_bytes: usize::try_from(budget.build_bytes).unwrap_or(usize::MAX),
+        resident_limit_bytes: budget.mesh_bytes,
     }
 }
 

@@ -48,6 +48,14 @@ impl MeshBuild {
         self.plan(sources).forecast()
     }
 
+    /// Whether there is a store of these meshes; it may turn out to be damaged.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if a mesh cannot be read.
+    pub fn is_built(&self, sources: &[&dyn MeshSource]) -> Result<bool> {
+        Ok(self.store_path(MeshKey::of(sources)?).exists())
+    }
+
     /// Opens the store of these meshes, whose faces are numbered on in the order given; builds it if there is
     /// none, or if it is damaged. Runs on rayon's current threads.
     ///

@@ -38,7 +38,16 @@ pub struct MeshDiskForecast {
     pub temporary_bytes: u64,
     /// Bytes of the finished store, about.
     pub store_bytes: u64,
+    /// Bytes of temporary files and the growing store together that are to be expected: a bucket's file shrinks by
+    /// compression, and goes when its part of the store is written.
+    pub likely_bytes: u64,
+    /// Memory that the building holds, about.
+    pub working_bytes: u64,
 }
+
+/// Bytes of a compressed record and of a finished store's face, about: façades of 1 to 30 million faces gave 14 to 16.
+const LIKELY_RECORD_BYTES: u64 = 16;
+const LIKELY_FACE_BYTES: u64 = 16;
 
 impl Plan {
     /// Shares out `budget_bytes` for meshes of so many vertices and faces in all.
@@ -89,7 +98,32 @@ impl Plan {
             if self.holds_vertices { 0 } else { self.vertices * PACKED_BYTES as u64 + join };
         // A bucket that turns out too large is written twice; records shrink by a third or more.
         let records = if self.is_one_bucket { 0 } else { self.faces * RECORD_BYTES as u64 };
-        MeshDiskForecast { temporary_bytes: vertices + records, store_bytes: self.faces * 20 }
+        let store_bytes = self.faces.saturating_mul(LIKELY_FACE_BYTES);
+        let packed = self.vertices.saturating_mul(PACKED_BYTES as u64);
+        let likely = |held: bool, each: u64| if held { 0 } else { each };
+        let likely_bytes = likely(self.holds_vertices, packed)
+            + likely(self.is_one_bucket, self.faces.saturating_mul(LIKELY_RECORD_BYTES));
+        MeshDiskForecast {
+            temporary_bytes: vertices + records,
+            store_bytes,
+            likely_bytes: likely_bytes.max(store_bytes),
+            working_bytes: self.working_bytes(),
+        }
+    }
+
+    /// Vertices or their cache beside the buckets that are filled; later, two buckets that are sorted.
+    fn working_bytes(&self) -> u64 {
+        let packed = self.vertices.saturating_mul(PACKED_BYTES as u64);
+        let vertices =
+            if self.holds_vertices { packed } else { packed.min(self.cache_bytes as u64) };
+        let records = self.faces.saturating_mul(RECORD_BYTES as u64).min(self.spill_bytes as u64);
+        let sorted = if self.is_one_bucket {
+            self.faces.saturating_mul(BYTES_PER_TRIANGLE as u64)
+        } else {
+            // A bucket is meant to be filled to six tenths.
+            (2 * self.capacity * BYTES_PER_TRIANGLE) as u64 / 10 * 6
+        };
+        (vertices + records).max(sorted)
     }
 }
 

@@ -1,0 +1,187 @@
+//! What a run says of itself before it begins: memory, disk and time; and its refusal where the disk is too small.
+//!
+//! Twice: before the mesh store is built, of what is known from headers and flags alone; after it, of the whole job.
+
+use super::super::config::Config;
+use super::super::console;
+use super::disk::Room;
+use super::inputs::Inputs;
+use super::speed::speed;
+use super::stores::mesh_build;
+use crate::Result;
+use crate::camera::Photo;
+use crate::frame::Mosaic;
+use crate::output::{Compression, Layer, Meaning};
+use crate::plan::{Forecast, JobDemand, Survey};
+use crate::render::Budget;
+use crate::store::mesh::MeshStore;
+
+/// What is known of a job, and what it will take.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Outlook {
+    pub(super) demand: JobDemand,
+    pub(super) forecast: Forecast,
+    speed: f64,
+}
+
+/// Bytes of a pixel as Deflate leaves it, overviews counted, of a colour mosaic that is no finer than its photos.
+const COLOUR_BYTES: f64 = 2.2;
+/// A mosaic finer than its photos is smoother; its bytes shrink with the side of a photo pixel, down to this share.
+const LEAST_SHARE: f64 = 0.1;
+/// Likewise of the layers, a photo pixel's side not counted.
+const LAYER_BYTES: [(Meaning, f64); 6] = [
+    (Meaning::Elevation, 1.6),
+    (Meaning::Face, 2.0),
+    (Meaning::Count, 0.08),
+    (Meaning::Used, 0.25),
+    (Meaning::Coverage, 0.05),
+    (Meaning::Best, 0.15),
+];
+/// Pixels of a block, and what each takes for itself and for each photo that sees it, bytes.
+const BLOCK_PIXELS: f64 = 512.0 * 512.0;
+const SURFACE_BYTES: f64 = 110.0;
+const VIEW_BYTES: f64 = 40.0;
+/// Bytes beside the tiles: headers, names of photos; for each file.
+const FILE_BYTES: u64 = 16 << 10;
+
+impl Outlook {
+    /// What headers and flags tell.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoRoom`] if the disk surely cannot hold that; those of asking the files.
+    pub(super) fn before(config: &Config, inputs: &Inputs, budget: &Budget) -> Result<Self> {
+        let build = mesh_build(config, budget);
+        let sources: Vec<_> = inputs.meshes.iter().map(AsRef::as_ref).collect();
+        let mut demand = JobDemand { threads: config.threads as u64, ..JobDemand::default() };
+        if !build.is_built(&sources)? {
+            let mesh = build.forecast(&sources);
+            demand.faces_to_build = sources.iter().map(|s| s.face_count()).sum();
+            demand.mesh_store_bytes = mesh.store_bytes;
+            demand.mesh_temporary_bytes = mesh.likely_bytes - mesh.store_bytes;
+            demand.held_bytes[0] = mesh.working_bytes.min(budget.build_bytes);
+        }
+        if let (Some(p), Some([u0, v0, u1, v1])) = (config.plane.pixel_size, config.plane.extent) {
+            let pixels = (u1 - u0) * (v1 - v0) / (p * p);
+            demand.output_bytes = output_bytes(config, pixels, LEAST_SHARE.powi(2));
+        }
+        Room::of(config, &demand)?.check()?;
+        let speed = speed();
+        let outlook = Self { demand, forecast: demand.forecast(speed), speed };
+        if !config.quiet && demand.faces_to_build > 0 {
+            let disk = demand.mesh_store_bytes + demand.mesh_temporary_bytes;
+            console::note(&format!(
+                "groundel: forecast: mesh store of {:.1} million faces, {} of disk, {}",
+                demand.faces_to_build as f64 / 1e6,
+                size(disk),
+                time(outlook.forecast.stages[0])
+            ));
+        }
+        Ok(outlook)
+    }
+
+    /// What the whole job will take, the mesh store counted although it is built by now.
+    ///
+    /// # Errors
+    /// [`crate::Error::NoRoom`] if the disk surely cannot hold that; those of asking the files.
+    pub(super) fn of_all(
+        self,
+        config: &Config,
+        budget: &Budget,
+        (mesh, mosaic, photos): (&MeshStore, &Mosaic, &[Photo]),
+    ) -> Result<(Self, Survey)> {
+        let survey = Survey::of(mesh, mosaic, photos)?;
+        let work = survey.total();
+        let mut demand = JobDemand { work, mosaic_pixels: mosaic.size.area(), ..self.demand };
+        demand.output_bytes = output_bytes(config, work.surface_pixels, work.footprint());
+        demand.held_bytes[2] = held_while_rendering(config, budget, mesh, &demand);
+        // What is left to be written: the store is there.
+        let left = JobDemand { mesh_store_bytes: 0, mesh_temporary_bytes: 0, ..demand };
+        let room = Room::of(config, &left)?;
+        room.check()?;
+        let mut forecast = demand.forecast(self.speed);
+        forecast.memory_bytes = forecast.memory_bytes.min(config.memory_bytes);
+        if !config.quiet {
+            console::note(&format!(
+                "groundel: forecast: {} of memory, {} of temporary disk, {} of output, {} in all",
+                size(forecast.memory_bytes),
+                size(forecast.temporary_bytes),
+                size(forecast.output_bytes),
+                time(forecast.seconds)
+            ));
+        }
+        if let Some(warning) = room.warning() {
+            console::note(&format!("groundel: warning: {warning}"));
+        }
+        Ok((Self { demand, forecast, ..self }, survey))
+    }
+}
+
+/// Bytes of all files, for so many pixels with a surface, of `footprint` photo pixels each.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive; saturates")]
+fn output_bytes(config: &Config, pixels: f64, footprint: f64) -> u64 {
+    let share = footprint.sqrt().clamp(LEAST_SHARE, 1.0);
+    let of = |layer: Meaning| LAYER_BYTES.iter().find(|(m, _)| *m == layer).map_or(0.0, |l| l.1);
+    let bytes = match config.compression {
+        // Overviews are a third of the pixels again.
+        Compression::None => {
+            let layers = config.layers.iter().filter_map(|&m| Layer::of(m));
+            let whole: usize = layers.map(|l| l.pixel_bytes()).sum();
+            (4 + whole) as f64 * 4.0 / 3.0
+        }
+        _ => COLOUR_BYTES * share + config.layers.iter().map(|&m| of(m)).sum::<f64>(),
+    };
+    (pixels * bytes) as u64 + FILE_BYTES * (1 + config.layers.len() as u64)
+}
+
+/// Memory of the stores' caches, of the blocks and of finished tiles, as far as they are filled.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive; saturates")]
+fn held_while_rendering(
+    config: &Config,
+    budget: &Budget,
+    mesh: &MeshStore,
+    demand: &JobDemand,
+) -> u64 {
+    let work = &demand.work;
+    // Samples of three bytes, coarser levels, and tiles of which a part is needed.
+    let photos = (work.photo_pixels * 3.0) as u64;
+    let views = work.samples / work.surface_pixels.max(1.0);
+    let block = (BLOCK_PIXELS * (SURFACE_BYTES + VIEW_BYTES * views)) as u64;
+    let block = block.min(budget.block_bytes) * config.threads as u64;
+    let column =
+        mesh.file_bytes() as f64 * (work.faces / mesh.counts().triangles.max(1) as f64).min(1.0);
+    budget.mesh_bytes.min(column as u64)
+        + budget.photo_bytes.min(photos)
+        + block
+        + budget.output_bytes / 2
+}
+
+/// Bytes in the unit that fits.
+fn size(bytes: u64) -> String {
+    let mib = bytes.div_ceil(1 << 20);
+    if mib < 10_000 { format!("{mib} MiB") } else { format!("{} GiB", mib.div_ceil(1 << 10)) }
+}
+
+/// A time in the unit that fits, two digits.
+fn time(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => "less than a second".into(),
+        s if s < 100.0 => format!("about {s:.0} s"),
+        s if s < 6000.0 => format!("about {:.0} min", s / 60.0),
+        s => format!("about {:.1} h", s / 3600.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_times_are_said_in_the_unit_that_fits() {
+        assert_eq!(
+            [size(1), size(9_000 << 20), size(20_000 << 20)],
+            ["1 MiB", "9000 MiB", "20 GiB"]
+        );
+        let said = [0.4, 42.4, 125.0, 8000.0].map(time);
+        assert_eq!(said, ["less than a second", "about 42 s", "about 2 min", "about 2.2 h"]);
+    }
+}
