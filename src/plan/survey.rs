@@ -21,6 +21,8 @@ const MOST_SAMPLES: usize = 2048;
 const LEAST_SAMPLES: usize = 128;
 /// … so that pairs of a face and a photo stay this few: a tenth of a second.
 const MOST_PAIRS: usize = 1 << 20;
+/// Cosine of the slant from which a face counts as on edge.
+const ON_EDGE: f64 = 0.1;
 /// Faces of a partition that are looked at.
 const FACES: usize = 2;
 
@@ -191,7 +193,7 @@ impl Survey {
                     let at = local.project(middle);
                     // A face on edge shows in few pixels.
                     let faces = normal.dot(axis) / normal.length();
-                    if faces > 0.0
+                    if faces > ON_EDGE
                         && let Some(cell) = self.cell_at(at.x, at.y)
                     {
                         let mut found = Looked { faces, ..Looked::default() };

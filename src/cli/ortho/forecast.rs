@@ -40,7 +40,9 @@ const LAYER_BYTES: [(Meaning, f64); 6] = [
 /// Pixels of a block, and what each takes for itself and for each photo that sees it, bytes.
 const BLOCK_PIXELS: f64 = 512.0 * 512.0;
 const SURFACE_BYTES: f64 = 110.0;
-const VIEW_BYTES: f64 = 40.0;
+const VIEW_BYTES: f64 = 52.0;
+/// Finished tiles of a thread on their way to the disk, while that is fast enough, bytes.
+const FINISHED_BYTES: u64 = 2 << 20;
 /// Bytes beside the tiles: headers, names of photos; for each file.
 const FILE_BYTES: u64 = 16 << 10;
 
@@ -93,7 +95,8 @@ impl Outlook {
         let work = survey.total();
         let mut demand = JobDemand { work, mosaic_pixels: mosaic.size.area(), ..self.demand };
         demand.output_bytes = output_bytes(config, work.surface_pixels, work.footprint());
-        demand.held_bytes[2] = held_while_rendering(config, budget, mesh, &demand);
+        let whole = photos.iter().map(|p| p.lens.size().area()).sum();
+        demand.held_bytes[2] = held_while_rendering(config, budget, mesh, &demand, whole);
         // What is left to be written: the store is there.
         let left = JobDemand { mesh_store_bytes: 0, mesh_temporary_bytes: 0, ..demand };
         let room = Room::of(config, &left)?;
@@ -133,17 +136,19 @@ fn output_bytes(config: &Config, pixels: f64, footprint: f64) -> u64 {
     (pixels * bytes) as u64 + FILE_BYTES * (1 + config.layers.len() as u64)
 }
 
-/// Memory of the stores' caches, of the blocks and of finished tiles, as far as they are filled.
+/// Memory of the stores' caches, of the blocks and of finished tiles, as far as they are filled; `whole` photo pixels
+/// there are.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive; saturates")]
 fn held_while_rendering(
     config: &Config,
     budget: &Budget,
     mesh: &MeshStore,
     demand: &JobDemand,
+    whole: u64,
 ) -> u64 {
     let work = &demand.work;
-    // Samples of three bytes, coarser levels, and tiles of which a part is needed.
-    let photos = (work.photo_pixels * 3.0) as u64;
+    // Tiles of three bytes a pixel; they are decoded at the level that is sampled, but no more than there is.
+    let photos = work.photo_pixels.min(work.samples).min(whole as f64) as u64 * 3;
     let views = work.samples / work.surface_pixels.max(1.0);
     let block = (BLOCK_PIXELS * (SURFACE_BYTES + VIEW_BYTES * views)) as u64;
     let block = block.min(budget.block_bytes) * config.threads as u64;
@@ -152,7 +157,7 @@ fn held_while_rendering(
     budget.mesh_bytes.min(column as u64)
         + budget.photo_bytes.min(photos)
         + block
-        + budget.output_bytes / 2
+        + budget.output_bytes.min(FINISHED_BYTES * config.threads as u64)
 }
 
 /// Bytes in the unit that fits.
