@@ -30,7 +30,7 @@ class Bench:
     def __init__(self, groundel, folder, is_cold):
         self.groundel, self.folder, self.is_cold = groundel, folder / "scale", is_cold
         self.rows, self.failed = [], False
-        self.table = folder / "scale.csv"
+        self.table, self.reports = folder / "scale.csv", folder / "scale.reports"
 
     def inputs(self, name, *flags):
         folder = self.folder / name
@@ -67,6 +67,8 @@ class Bench:
         if code:
             print((inputs / "log.txt").read_text())
             raise SystemExit(2)
+        self.reports.mkdir(parents=True, exist_ok=True)
+        shutil.copy(report, self.reports / f"{series}.{parameter.replace(' ', '_')}.json")
         row = self.row(json.loads(report.read_text()), watch.peak)
         self.rows.append({"series": series, "parameter": parameter} | row)
         for old in (work, out):

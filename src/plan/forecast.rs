@@ -45,6 +45,8 @@ pub struct Forecast {
     pub seconds: f64,
     /// Of these, seconds for the mesh store, the photos, the tiles and the files.
     pub stages: [f64; 4],
+    /// Speed of this machine beside the reference machine's, as it was measured for this.
+    pub speed: f64,
 }
 
 /// Seconds of one processor of the reference machine (AMD EPYC, rustc 1.95) for a unit of work. They are measured by
@@ -94,22 +96,29 @@ impl JobDemand {
             output_bytes: self.output_bytes,
             seconds: stages.iter().sum::<f64>() + cost::JOB / speed,
             stages,
+            speed,
         }
     }
 
     /// The work folder holds the mesh store with its temporary files; later, without these, photo stores and the part,
     /// which is as large as the output.
     pub fn temporary_bytes(&self) -> u64 {
-        let building = self.mesh_store_bytes + self.mesh_temporary_bytes;
-        let rendering = self.mesh_store_bytes + self.photo_store_bytes + self.output_bytes;
-        building.max(rendering)
+        self.building_bytes().max(self.rendering_bytes(1))
     }
 
     /// The most that work folder and outputs hold together: parts stay until the files are there.
     pub fn disk_bytes(&self) -> u64 {
-        let building = self.mesh_store_bytes + self.mesh_temporary_bytes;
-        let rendering = self.mesh_store_bytes + self.photo_store_bytes + 2 * self.output_bytes;
-        building.max(rendering)
+        self.building_bytes().max(self.rendering_bytes(2))
+    }
+
+    fn building_bytes(&self) -> u64 {
+        self.mesh_store_bytes.saturating_add(self.mesh_temporary_bytes)
+    }
+
+    /// Stores and the output, so many times.
+    fn rendering_bytes(&self, times: u64) -> u64 {
+        let stores = self.mesh_store_bytes.saturating_add(self.photo_store_bytes);
+        stores.saturating_add(self.output_bytes.saturating_mul(times))
     }
 }
 

@@ -188,32 +188,40 @@ fn ctrl_c_and_sigterm_leave_no_file_and_the_next_run_goes_on() {
     }
 }
 
-/// A small file system fills at several moments of the run; then there is room.
+/// A small file system refuses the run while it is surely too small; fills at several moments of the run; then there
+/// is room.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_full_disk_ends_with_code_4_and_after_room_is_made_in_the_same_bytes() {
+fn a_disk_too_small_is_refused_with_code_3_a_full_one_ends_with_4_and_after_room_is_made_in_the_same_bytes()
+ {
     let folder = tempfile::tempdir().unwrap();
     facade(folder.path());
     let (bytes, report, _) = reference(folder.path(), &folder.path().join("whole"));
     let (small, kept) = (folder.path().join("small"), folder.path().join("kept"));
     fs::create_dir(&small).unwrap();
     fs::create_dir(&kept).unwrap();
-    // A mount of this test's own, in a namespace of its own: it goes when the script ends.
+    // A mount of this test's own, in a namespace of its own: it goes when the script ends. The run is given room, which
+    // something else takes when a file of its first stage is there, and again when it writes tiles.
     let script = r#"
         set -u
         mount -t tmpfs -o size=100k tmpfs "$1" || exit 99
         shift_out="$2"; shift 2
-        for size in 100k 400k 900k 1500k 2200k 3000k 4000k; do
-          mount -o remount,size=$size "$SMALL" || exit 99
-          "$@"
-          code=$?
-          echo "$size $code" >> "$shift_out/codes"
-          ls "$SMALL" >> "$shift_out/names.$size"
-          [ $code = 4 ] || break
-        done
-        mount -o remount,size=200m "$SMALL" || exit 99
         "$@"
-        echo "200m $?" >> "$shift_out/codes"
+        echo "small $?" >> "$shift_out/codes"
+        ls -A "$SMALL" > "$shift_out/names.small"
+        mount -o remount,size=16m "$SMALL" || exit 99
+        for mark in mesh-.*tmp part-0; do
+          "$@" &
+          until find "$SMALL" | grep -q "$mark" || ! kill -0 $! 2> /dev/null; do :; done
+          run=$!
+          cat /dev/zero > "$SMALL/filler" 2> /dev/null
+          wait $run
+          echo "$mark $?" >> "$shift_out/codes"
+          ls "$SMALL" >> "$shift_out/names.full"
+          rm "$SMALL/filler"
+        done
+        "$@"
+        echo "room $?" >> "$shift_out/codes"
         cp "$SMALL"/mosaic* "$SMALL"/report.json "$shift_out"
     "#;
     let mut command = Command::new("unshare");
@@ -230,13 +238,12 @@ fn a_full_disk_ends_with_code_4_and_after_room_is_made_in_the_same_bytes() {
     let said = String::from_utf8_lossy(&run.stderr);
     let codes = fs::read_to_string(kept.join("codes")).unwrap_or_default();
     assert!(run.status.success(), "{codes}{said}");
-    let full = codes.lines().filter(|line| line.ends_with(" 4")).count();
-    assert!(full >= 3, "{codes}{said}");
-    assert!(codes.ends_with("200m 0\n"), "{codes}{said}");
+    assert!(codes.starts_with("small 3\n") && codes.ends_with("room 0\n"), "{codes}{said}");
+    assert!(said.contains("MiB of disk are needed, but only 0 MiB are free"), "{said}");
+    assert_eq!(fs::read_to_string(kept.join("names.small")).unwrap(), "", "nothing was begun");
+    assert_eq!(codes.lines().filter(|line| line.ends_with(" 4")).count(), 2, "{codes}{said}");
     assert!(said.contains("No space left on device"), "{said}");
-    for size in ["100k", "400k"] {
-        let names = fs::read_to_string(kept.join(format!("names.{size}"))).unwrap();
-        assert!(!names.contains("mosaic.tif"), "{names}");
-    }
+    let names = fs::read_to_string(kept.join("names.full")).unwrap();
+    assert!(!names.contains("mosaic.tif"), "{names}");
     assert!(files(&kept) == bytes && found(&kept) == report);
 }

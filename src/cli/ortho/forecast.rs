@@ -12,7 +12,7 @@ use crate::Result;
 use crate::camera::Photo;
 use crate::frame::Mosaic;
 use crate::output::{Compression, Layer, Meaning};
-use crate::plan::{Forecast, JobDemand, Survey};
+use crate::plan::{Forecast, JobDemand, PhotoNeed, Survey, check_pixels};
 use crate::render::Budget;
 use crate::store::mesh::MeshStore;
 
@@ -22,6 +22,16 @@ pub(super) struct Outlook {
     pub(super) demand: JobDemand,
     pub(super) forecast: Forecast,
     speed: f64,
+}
+
+/// What is decided of a job before photos are read.
+#[derive(Debug)]
+pub(super) struct Planned<'a> {
+    pub(super) mesh: &'a MeshStore,
+    pub(super) mosaic: &'a Mosaic,
+    pub(super) photos: &'a [Photo],
+    /// What is needed of each photo.
+    pub(super) needs: &'a [Option<PhotoNeed>],
 }
 
 /// Bytes of a pixel as Deflate leaves it, overviews counted, of a colour mosaic that is no finer than its photos.
@@ -37,6 +47,9 @@ const LAYER_BYTES: [(Meaning, f64); 6] = [
     (Meaning::Coverage, 0.05),
     (Meaning::Best, 0.15),
 ];
+/// Bytes of a photo pixel: all levels in memory, where all photos fit there; else in their stores.
+const MEMORY_BYTES: f64 = 4.0;
+const STORE_BYTES: f64 = 1.3;
 /// Pixels of a block, and what each takes for itself and for each photo that sees it, bytes.
 const BLOCK_PIXELS: f64 = 512.0 * 512.0;
 const SURFACE_BYTES: f64 = 110.0;
@@ -62,15 +75,15 @@ impl Outlook {
             demand.mesh_temporary_bytes = mesh.likely_bytes - mesh.store_bytes;
             demand.held_bytes[0] = mesh.working_bytes.min(budget.build_bytes);
         }
-        if let (Some(p), Some([u0, v0, u1, v1])) = (config.plane.pixel_size, config.plane.extent) {
-            let pixels = (u1 - u0) * (v1 - v0) / (p * p);
+        if let Some(mosaic) = stated_mosaic(config, inputs) {
+            let pixels = mosaic.size.area() as f64;
             demand.output_bytes = output_bytes(config, pixels, LEAST_SHARE.powi(2));
         }
         Room::of(config, &demand)?.check()?;
         let speed = speed();
         let outlook = Self { demand, forecast: demand.forecast(speed), speed };
         if !config.quiet && demand.faces_to_build > 0 {
-            let disk = demand.mesh_store_bytes + demand.mesh_temporary_bytes;
+            let disk = demand.mesh_store_bytes.saturating_add(demand.mesh_temporary_bytes);
             console::note(&format!(
                 "groundel: forecast: mesh store of {:.1} million faces, {} of disk, {}",
                 demand.faces_to_build as f64 / 1e6,
@@ -85,18 +98,29 @@ impl Outlook {
     ///
     /// # Errors
     /// [`crate::Error::NoRoom`] if the disk surely cannot hold that; those of asking the files.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "positive; saturates"
+    )]
     pub(super) fn of_all(
         self,
         config: &Config,
         budget: &Budget,
-        (mesh, mosaic, photos): (&MeshStore, &Mosaic, &[Photo]),
+        scene: &Planned<'_>,
     ) -> Result<(Self, Survey)> {
-        let survey = Survey::of(mesh, mosaic, photos)?;
+        let survey = Survey::of(scene.mesh, scene.mosaic, scene.photos)?;
         let work = survey.total();
-        let mut demand = JobDemand { work, mosaic_pixels: mosaic.size.area(), ..self.demand };
+        let mosaic_pixels = scene.mosaic.size.area();
+        let mut demand = JobDemand { mosaic_pixels, work, ..self.demand };
         demand.output_bytes = output_bytes(config, work.surface_pixels, work.footprint());
-        let whole = photos.iter().map(|p| p.lens.size().area()).sum();
-        demand.held_bytes[2] = held_while_rendering(config, budget, mesh, &demand, whole);
+        let is_needed = scene.photos.iter().zip(scene.needs).filter(|(_, need)| need.is_some());
+        demand.photo_pixels = is_needed.map(|(photo, _)| photo.lens.size().area()).sum();
+        let decoded = (demand.photo_pixels as f64 * MEMORY_BYTES) as u64;
+        if decoded > budget.photo_bytes {
+            demand.photo_store_bytes = (demand.photo_pixels as f64 * STORE_BYTES) as u64;
+        }
+        demand.held_bytes[2] = held_while_rendering(config, budget, scene.mesh, &demand);
         // What is left to be written: the store is there.
         let left = JobDemand { mesh_store_bytes: 0, mesh_temporary_bytes: 0, ..demand };
         let room = Room::of(config, &left)?;
@@ -119,6 +143,14 @@ impl Outlook {
     }
 }
 
+/// The mosaic, if its grid is stated; what is wrong with it is said when the grid is decided.
+fn stated_mosaic(config: &Config, inputs: &Inputs) -> Option<Mosaic> {
+    let (plane, slab) = (&config.plane, [f64::NEG_INFINITY, f64::INFINITY]);
+    let mosaic = Mosaic::new(plane.clone(), plane.pixel_size?, plane.extent?, slab).ok()?;
+    let photo_pixels = inputs.photos.iter().map(|p| p.lens.size().area()).sum();
+    check_pixels(mosaic.size, photo_pixels, config.force).ok().map(|()| mosaic)
+}
+
 /// Bytes of all files, for so many pixels with a surface, of `footprint` photo pixels each.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive; saturates")]
 fn output_bytes(config: &Config, pixels: f64, footprint: f64) -> u64 {
@@ -133,24 +165,27 @@ fn output_bytes(config: &Config, pixels: f64, footprint: f64) -> u64 {
         }
         _ => COLOUR_BYTES * share + config.layers.iter().map(|&m| of(m)).sum::<f64>(),
     };
-    (pixels * bytes) as u64 + FILE_BYTES * (1 + config.layers.len() as u64)
+    ((pixels * bytes) as u64).saturating_add(FILE_BYTES * (1 + config.layers.len() as u64))
 }
 
-/// Memory of the stores' caches, of the blocks and of finished tiles, as far as they are filled; `whole` photo pixels
-/// there are.
+/// Memory of the stores' caches, of the blocks and of finished tiles, as far as they are filled.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive; saturates")]
 fn held_while_rendering(
     config: &Config,
     budget: &Budget,
     mesh: &MeshStore,
     demand: &JobDemand,
-    whole: u64,
 ) -> u64 {
     let work = &demand.work;
-    // Tiles of three bytes a pixel; they are decoded at the level that is sampled, but no more than there is.
-    let photos = work.photo_pixels.min(work.samples).min(whole as f64) as u64 * 3;
+    let photos = if demand.photo_store_bytes == 0 {
+        demand.photo_pixels as f64 * MEMORY_BYTES
+    } else {
+        // Tiles of three bytes a pixel, at the level that is sampled.
+        work.photo_pixels.min(work.samples).min(demand.photo_pixels as f64) * 3.0
+    } as u64;
     let views = work.samples / work.surface_pixels.max(1.0);
-    let block = (BLOCK_PIXELS * (SURFACE_BYTES + VIEW_BYTES * views)) as u64;
+    let pixels = BLOCK_PIXELS.min(f64::from(config.tile_size).powi(2));
+    let block = (pixels * (SURFACE_BYTES + VIEW_BYTES * views)) as u64;
     let block = block.min(budget.block_bytes) * config.threads as u64;
     let column =
         mesh.file_bytes() as f64 * (work.faces / mesh.counts().triangles.max(1) as f64).min(1.0);

@@ -6,7 +6,7 @@ use super::super::config::Config;
 use super::super::console;
 use super::super::interrupt;
 use super::super::progress::Progress;
-use super::forecast::Outlook;
+use super::forecast::{Outlook, Planned};
 use super::grid::grid;
 use super::inputs::Inputs;
 use super::job::Job;
@@ -70,6 +70,8 @@ fn stages(config: &Config) -> Result<ExitStatus> {
         let needs = photo_needs(&mesh, &mosaic, &photos.photos);
         Ok((mosaic, needs))
     })?;
+    let scene = Planned { mesh: &mesh, mosaic: &mosaic, photos: &photos.photos, needs: &needs };
+    let (outlook, survey) = outlook.of_all(config, &budget, &scene)?;
     let stores =
         log.run("photo store", || Stores::build(config, &inputs, mesh, (photos, &needs), &budget))?;
     fs::create_dir_all(&config.work).map_err(|e| Error::io(&config.work, e))?;
@@ -80,8 +82,6 @@ fn stages(config: &Config) -> Result<ExitStatus> {
     for warning in &job.warnings {
         console::note(&format!("groundel: warning: {warning}"));
     }
-    let (outlook, survey) =
-        outlook.of_all(config, &budget, (&job.scene.mesh, &job.mosaic, &job.photos))?;
     let memory = log.run("tiles", || tiles(config, &job, &budget, &survey))?;
     let parts = std::slice::from_ref(&job.part);
     let statistics = statistics(&job.manifest, parts, inputs.cameras.names.len())?;
