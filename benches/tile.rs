@@ -86,7 +86,7 @@ impl View {
     /// Which pixels the photo sees; their number.
     fn decide(&mut self, scene: &Scene, sight: &Sight<'_>) -> usize {
         self.points.start(sight, &mut self.rays);
-        self.cells.start(sight.photo, &self.rays);
+        self.cells.start(sight.photo, &mut self.rays);
         self.shaft.clear();
         let cells = &self.cells;
         scene.mesh.query(|bounds| cells.may_be_hidden_by(bounds), &mut self.shaft);

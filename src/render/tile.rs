@@ -24,8 +24,8 @@ const SUB_BLOCK_AREA: u64 = SUB_BLOCK.unsigned_abs() * SUB_BLOCK.unsigned_abs();
 /// Bytes a pixel of a block's surface: elevation, face, point, and a face with its vertices for every pixel.
 const SURFACE_BYTES: u64 = 8 + 4 + 24 + 48 + 24;
 
-/// Bytes a pixel of a block and a photo that may see it: listed pixel, point in its cell, cell, face and vertex weight.
-const VIEW_BYTES: u64 = 5 + 32 + 12 + 8 + 24;
+/// Bytes a pixel of a block and a photo that may see it: listed pixel, sorted point, its cell, face and vertex.
+const VIEW_BYTES: u64 = 3 + 20 + 8 + 16 + 24;
 
 /// What each photo of the scene needs while a block is rendered.
 #[derive(Debug, Default)]

@@ -51,7 +51,7 @@ const LAYER_BYTES: [(Meaning, f64); 6] = [
 const MEMORY_BYTES: f64 = 4.0;
 const STORE_BYTES: f64 = 1.3;
 /// Pixels of a block, and what each takes for itself and for each photo that sees it, bytes.
-const BLOCK_PIXELS: f64 = 512.0 * 512.0;
+const BLOCK_PIXELS: f64 = 256.0 * 256.0;
 const SURFACE_BYTES: f64 = 110.0;
 const VIEW_BYTES: f64 = 52.0;
 /// Finished tiles of a thread on their way to the disk, while that is fast enough, bytes.
