@@ -71,7 +71,7 @@ mod cost {
 }
 
 /// Resident memory beside what is handed out: the binary, its stacks, the allocator; bytes.
-const BESIDE_BYTES: u64 = 30 << 20;
+const BESIDE_BYTES: u64 = 60 << 20;
 
 impl JobDemand {
     /// What this will take on a machine that is `speed` times as fast as the reference machine.

@@ -52,6 +52,9 @@ impl Budget {
     /// Least share of the caches together, and of the blocks of each thread, bytes.
     const LEAST_CACHES: u64 = 32 << 20;
     const LEAST_BLOCK: u64 = 4 << 20;
+    /// Share of the blocks of each thread beyond which they do not grow, bytes: what a block of the largest side takes
+    /// that eight photos see. What is over goes to the caches.
+    const MOST_BLOCK: u64 = 64 << 20;
 
     /// The shares of a cap of `memory_bytes` among `threads` that make tiles as `tiles` says.
     ///
@@ -77,15 +80,24 @@ impl Budget {
             });
         }
         let rest = handed_out - output_bytes;
+        let block_bytes = (rest / 9 * 4 / threads).min(Self::MOST_BLOCK);
+        let caches = rest - block_bytes * threads;
         Ok(Self {
             // Neither rendering nor its caches exist yet while the stores are built.
             build_bytes: handed_out / 2,
             decode_bytes: handed_out,
-            mesh_bytes: rest / 9 * 2,
-            photo_bytes: rest / 18 * 5,
-            block_bytes: rest / 9 * 4 / threads,
+            mesh_bytes: caches / 9 * 3,
+            photo_bytes: caches / 9 * 6,
+            block_bytes,
             output_bytes,
         })
+    }
+
+    /// The shares for a mesh store of `file_bytes`: what it cannot fill goes to the photos.
+    #[must_use]
+    pub fn with_mesh(self, file_bytes: u64) -> Self {
+        let mesh_bytes = self.mesh_bytes.min(file_bytes);
+        Self { mesh_bytes, photo_bytes: self.photo_bytes + (self.mesh_bytes - mesh_bytes), ..self }
     }
 }
 
@@ -104,6 +116,15 @@ mod tests {
             assert!(all <= cap / 5 * 4);
             assert!(b.build_bytes <= cap / 5 * 4 && b.decode_bytes <= cap / 5 * 4);
         }
+    }
+
+    #[test]
+    fn what_a_small_mesh_leaves_goes_to_the_photos() {
+        let b = Budget::new(1 << 30, 2, TILES).unwrap();
+        let small = b.with_mesh(5 << 20);
+        assert_eq!(small.mesh_bytes, 5 << 20);
+        assert_eq!(small.mesh_bytes + small.photo_bytes, b.mesh_bytes + b.photo_bytes);
+        assert_eq!(b.with_mesh(1 << 40), b);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::Result;
 use crate::blend::{OrthoTile, SampleTile, Statistics, blend_into};
-use crate::geom::{PixelRect, Size, held_bytes};
+use crate::geom::{Bounds2, PixelRect, Size, held_bytes};
 use crate::image::{Image, Samples, Window};
 use crate::sample::{level_of, sample_into, taps_of};
 use crate::surface::SurfaceTile;
@@ -63,6 +63,10 @@ impl Colouring {
         tile.set_surface(surface.rect, |k| {
             surface.face_at(k).map(|f| (surface.elevations[k], f.id))
         });
+        scene.pixels.prefetch(views.iter().filter_map(|view| {
+            let photo = usize::from(scene.photos[view.photo].index);
+            Some((photo, pixels_around(&view.points.photo_bounds()?)))
+        }))?;
         for (k, sub) in surface.rect.blocks(SUB_BLOCK).enumerate() {
             self.samples.begin(sub);
             for view in &mut *views {
@@ -84,6 +88,13 @@ impl Colouring {
         }
         Ok(())
     }
+}
+
+/// The pixels around some photo positions, taps counted.
+#[expect(clippy::cast_possible_truncation, reason = "positions lie in the frame")]
+fn pixels_around(bounds: &Bounds2) -> PixelRect {
+    let (min, max) = (bounds.min.floor(), bounds.max.ceil());
+    PixelRect::new(min.x as i64 - 2, min.y as i64 - 2, max.x as i64 + 2, max.y as i64 + 2)
 }
 
 /// Samples the points of one view after another, reusing its memory.

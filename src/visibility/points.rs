@@ -5,7 +5,7 @@ use glam::DVec2;
 use super::photo::ViewPhoto;
 use super::sight::{Batch, Sight};
 use crate::camera::RAYS;
-use crate::geom::{Kernel, PixelRect, held_bytes, run_widest};
+use crate::geom::{Bounds2, Kernel, PixelRect, held_bytes, run_widest};
 use crate::surface::SurfaceTile;
 
 /// Side of a sub-block, mosaic pixels: the points of a block are listed sub-block by sub-block, so that sampling and
@@ -60,6 +60,8 @@ pub struct BlockPoints {
     facing: Vec<bool>,
     batch: Batch,
     entries: Entries,
+    /// Bounds of the photo positions, pixels.
+    photo_bounds: Option<Bounds2>,
 }
 
 /// What [`RayPoints`] and [`BlockPoints`] take of one row of a sub-block.
@@ -154,6 +156,7 @@ impl BlockPoints {
             f.normal.dot(centre - a) > 0.0
         }));
         let mut origin = None;
+        self.photo_bounds = None;
         for sub in surface.rect.blocks(SUB_BLOCK) {
             self.starts.push(self.count());
             self.subs.push(sub);
@@ -197,6 +200,15 @@ impl BlockPoints {
             entries.place[kept] = u16::try_from(row + k).expect("a sub-block has 2¹² pixels");
             kept += usize::from(is_facing) & usize::from(is_before);
         }
+        if kept > 0 {
+            // Neighbours in a row are neighbours in the photo: its ends tell enough.
+            let (from, to) = (entries.place[0], entries.place[kept - 1]);
+            for k in [from, to].map(|place| usize::from(place) - row) {
+                let at = DVec2::new(self.batch.rays.photo_x[k], self.batch.rays.photo_y[k]);
+                let bounds = self.photo_bounds.unwrap_or(Bounds2::EMPTY);
+                self.photo_bounds = Some(bounds.including(at));
+            }
+        }
         rays.x.extend_from_slice(&entries.x[..kept]);
         rays.y.extend_from_slice(&entries.y[..kept]);
         rays.limit.extend_from_slice(&entries.limit[..kept]);
@@ -207,6 +219,12 @@ impl BlockPoints {
 
     fn count(&self) -> u32 {
         u32::try_from(self.places.len()).expect("a tile has fewer than 2³² pixels")
+    }
+
+    /// About the bounds of the photo positions of the points, pixels; `None` if there are none. They serve to fetch
+    /// photos ahead: nothing is decided by them.
+    pub fn photo_bounds(&self) -> Option<Bounds2> {
+        self.photo_bounds
     }
 
     /// Whether the photo may see nothing of the block.

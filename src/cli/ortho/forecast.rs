@@ -2,6 +2,8 @@
 //!
 //! Twice: before the mesh store is built, of what is known from headers and flags alone; after it, of the whole job.
 
+use std::path::Path;
+
 use super::super::config::Config;
 use super::super::console;
 use super::disk::Room;
@@ -36,7 +38,9 @@ pub(super) struct Planned<'a> {
 
 /// Bytes of a pixel as Deflate leaves it, overviews counted, of a colour mosaic that is no finer than its photos.
 const COLOUR_BYTES: f64 = 2.2;
-/// A mosaic finer than its photos is smoother; its bytes shrink with the side of a photo pixel, down to this share.
+/// A mosaic finer than its photos is smoother: its bytes shrink with the side of a mosaic pixel in the photos, times this,
+/// down to the least share.
+const SMOOTHNESS: f64 = 1.25;
 const LEAST_SHARE: f64 = 0.1;
 /// Likewise of the layers, a photo pixel's side not counted.
 const LAYER_BYTES: [(Meaning, f64); 6] = [
@@ -47,8 +51,9 @@ const LAYER_BYTES: [(Meaning, f64); 6] = [
     (Meaning::Coverage, 0.05),
     (Meaning::Best, 0.15),
 ];
-/// Bytes of a photo pixel: all levels in memory, where all photos fit there; else in their stores.
+/// Bytes of a photo pixel: all levels in memory, where all photos fit there; else in an index of a JPEG, or in a store.
 const MEMORY_BYTES: f64 = 4.0;
+const INDEX_BYTES: f64 = 0.008;
 const STORE_BYTES: f64 = 1.3;
 /// Pixels of a block, and what each takes for itself and for each photo that sees it, bytes.
 const BLOCK_PIXELS: f64 = 256.0 * 256.0;
@@ -114,11 +119,15 @@ impl Outlook {
         let mosaic_pixels = scene.mosaic.size.area();
         let mut demand = JobDemand { mosaic_pixels, work, ..self.demand };
         demand.output_bytes = output_bytes(config, work.surface_pixels, work.footprint());
-        let is_needed = scene.photos.iter().zip(scene.needs).filter(|(_, need)| need.is_some());
-        demand.photo_pixels = is_needed.map(|(photo, _)| photo.lens.size().area()).sum();
+        let needed = || {
+            let both = scene.photos.iter().zip(scene.needs);
+            both.filter(|(_, need)| need.is_some()).map(|(photo, _)| photo)
+        };
+        demand.photo_pixels = needed().map(|photo| photo.lens.size().area()).sum();
         let decoded = (demand.photo_pixels as f64 * MEMORY_BYTES) as u64;
         if decoded > budget.photo_bytes {
-            demand.photo_store_bytes = (demand.photo_pixels as f64 * STORE_BYTES) as u64;
+            let bytes = |photo: &Photo| photo.lens.size().area() as f64 * store_bytes(photo);
+            demand.photo_store_bytes = needed().map(bytes).sum::<f64>() as u64;
         }
         demand.held_bytes[2] = held_while_rendering(config, budget, scene.mesh, &demand);
         // What is left to be written: the store is there.
@@ -151,10 +160,18 @@ fn stated_mosaic(config: &Config, inputs: &Inputs) -> Option<Mosaic> {
     check_pixels(mosaic.size, photo_pixels, config.force).ok().map(|()| mosaic)
 }
 
+/// Bytes in the work folder for a pixel of a photo that does not stay in memory, as its name tells of its format.
+fn store_bytes(photo: &Photo) -> f64 {
+    let extension = Path::new(&photo.name).extension();
+    let is_jpeg = extension
+        .is_some_and(|e| ["jpg", "jpeg"].iter().any(|known| e.eq_ignore_ascii_case(known)));
+    if is_jpeg { INDEX_BYTES } else { STORE_BYTES }
+}
+
 /// Bytes of all files, for so many pixels with a surface, of `footprint` photo pixels each.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive; saturates")]
 fn output_bytes(config: &Config, pixels: f64, footprint: f64) -> u64 {
-    let share = footprint.sqrt().clamp(LEAST_SHARE, 1.0);
+    let share = (SMOOTHNESS * footprint.sqrt()).clamp(LEAST_SHARE, 1.0);
     let of = |layer: Meaning| LAYER_BYTES.iter().find(|(m, _)| *m == layer).map_or(0.0, |l| l.1);
     let bytes = match config.compression {
         // Overviews are a third of the pixels again.

@@ -64,6 +64,7 @@ fn stages(config: &Config) -> Result<ExitStatus> {
     outputs::check(config, &inputs)?;
     let outlook = Outlook::before(config, &inputs, &budget)?;
     let mesh = log.run("mesh store", || Stores::build_mesh(config, &inputs, &budget))?;
+    let budget = budget.with_mesh(mesh.file_bytes());
     let photos = log.run("photo headers", || UsablePhotos::check(config, &inputs))?;
     let (mosaic, needs) = log.run("grid", || {
         let mosaic = grid(config, &mesh, &photos.photos)?;

@@ -90,6 +90,7 @@ const MAX_SHARDS: u64 = 16;
 /// the budget; a tile that does not fit beside such reservations is handed out, but not kept.
 #[derive(Debug)]
 pub(super) struct TileCache {
+    budget_bytes: u64,
     shards: Vec<Mutex<Shard>>,
 }
 
@@ -97,7 +98,7 @@ impl TileCache {
     pub(super) fn new(budget_bytes: u64) -> Self {
         let shards = (budget_bytes / MIN_SHARD_BYTES).clamp(1, MAX_SHARDS);
         let shard = |_| Mutex::new(Shard::new(budget_bytes / shards));
-        Self { shards: (0..shards).map(shard).collect() }
+        Self { budget_bytes, shards: (0..shards).map(shard).collect() }
     }
 
     fn shard(&self, key: Key) -> MutexGuard<'_, Shard> {
@@ -115,6 +116,11 @@ impl TileCache {
     pub(super) fn reserve(&self, key: Key, bytes: u64) -> Reservation<'_> {
         let (is_granted, recycled) = self.shard(key).reserve(bytes);
         Reservation { cache: self, key, bytes: if is_granted { bytes } else { 0 }, recycled }
+    }
+
+    /// Bytes that it may hold.
+    pub(super) fn budget_bytes(&self) -> u64 {
+        self.budget_bytes
     }
 
     /// Bytes held, and the most that were ever held, summed over the parts.

@@ -21,6 +21,8 @@ use crate::{Error, Result};
 const MAX_WINDOW_PIXELS: u64 = 1 << 26;
 /// Most pixels of level 0 that a window of a coarser level is halved from: 512 × 512.
 const MAX_COARSE_PIXELS: usize = 1 << 18;
+/// The part of the cache that one prefetch may fill.
+const PREFETCH_SHARE: u64 = 4;
 /// Most photos of a store: their number has 24 bits in the cache's keys.
 const MAX_PHOTOS: u64 = 1 << 24;
 
@@ -238,6 +240,44 @@ impl PhotoStore {
             self.fill(photo, level, rect, &mut out)?;
             Samples::U8(Image::from_data(size, channels, out))
         };
+        Ok(())
+    }
+
+    /// Gets ready for windows within these rectangles of level 0 of photos: of those that are read by an index, parts
+    /// that are not decoded yet are decoded, in pieces as large as may be, because each piece costs a margin. Does nothing
+    /// where the cache could not hold all of it beside what other threads need.
+    ///
+    /// # Errors
+    /// As [`Self::window`].
+    pub fn prefetch(&self, parts: impl Iterator<Item = (usize, PixelRect)> + Clone) -> Result<()> {
+        let side = i64::from(TILE_SIDE);
+        let indexed = parts.filter_map(|(photo, rect)| {
+            let slot = self.photos.get(photo)?.as_ref()?;
+            let inner = rect.intersection(&slot.photo.shape.size.rect());
+            (slot.photo.is_indexed() && !inner.is_empty()).then(|| {
+                let last = |end: i64| (end - 1) / side + 1;
+                let tiles = PixelRect::new(
+                    inner.x0 / side,
+                    inner.y0 / side,
+                    last(inner.x1),
+                    last(inner.y1),
+                );
+                (photo, slot, tiles)
+            })
+        });
+        let bytes = |slot: &Slot, tiles: PixelRect| {
+            let samples = tiles.area() as u64 * u64::from(TILE_SIDE).pow(2);
+            samples * (slot.photo.shape.channels * slot.photo.shape.sample_bytes()) as u64
+        };
+        let all: u64 = indexed.clone().map(|(_, slot, tiles)| bytes(slot, tiles)).sum();
+        if all > self.cache.budget_bytes() / PREFETCH_SHARE {
+            return Ok(());
+        }
+        for (photo, slot, tiles) in indexed {
+            for block in blocks(tiles, slot.photo.block()) {
+                self.tiles(photo, 0, block)?;
+            }
+        }
         Ok(())
     }
 
