@@ -12,7 +12,7 @@ import threading
 
 CAP = 1 << 30
 # Disk of a step, bytes a face: the PLY file; the store; buckets and vertices while it is built.
-PLY, STORE, BUILD = 25.1, 16.0, 40.0
+PLY, STORE, BUILD = 25.1, 16.0, 12.0
 # One façade of the street, metres: what `groundel demo --paper` draws, and the step to the next.
 FACADE, STEP = (-0.02, -0.02, 7.42, 5.53), 7.7
 AREA = (FACADE[2] - FACADE[0]) * (FACADE[3] - FACADE[1])
@@ -27,7 +27,8 @@ COLUMNS = (
 class Bench:
     """Makes inputs, runs jobs and collects rows."""
 
-    def __init__(self, groundel, folder, is_cold):
+    def __init__(self, groundel, folder, is_cold, minutes):
+        self.minutes = minutes
         self.groundel, self.folder, self.is_cold = groundel, folder / "scale", is_cold
         self.rows, self.failed = [], False
         self.table, self.reports = folder / "scale.csv", folder / "scale.reports"
@@ -48,6 +49,12 @@ class Bench:
         if needed > 0.97 * free:
             print(f"SKIP {what}: needs {needed / 1e9:.0f} GB of disk, {free / 1e9:.0f} GB are free", flush=True)
         return needed <= 0.97 * free
+
+    def time(self, what, minutes):
+        """Whether a step is short enough; says how long it would take."""
+        if minutes > self.minutes:
+            print(f"SKIP {what}: would take some {minutes:.0f} minutes", flush=True)
+        return minutes <= self.minutes
 
     def run(self, series, parameter, inputs, *flags, threads=None):
         """One job from raw files; its row."""
@@ -201,7 +208,9 @@ def pixel_flags(gigapixels):
 def mosaic(bench, small):
     inputs, rows = facade(bench), []
     for giga in (0.01, 0.1) if small else (0.1, 1, 10):
-        if bench.room(f"mosaic {giga} gigapixels", giga * 1e9 * 8 + 1e9):
+        what = f"mosaic {giga} gigapixels"
+        minutes = giga * 1e3 / rows[-1]["mpx_per_second"] / 60 if rows else 0
+        if bench.room(what, giga * 1e9 * 8 + 1e9) and bench.time(what, minutes):
             rows.append(bench.run("mosaic", f"{giga} Gpx", inputs, *pixel_flags(giga)))
     rates = [r["mpx_per_second"] for r in rows]
     bench.claim("mosaic: Mpx/s falls by", rates[0] / min(rates), 1.2)
@@ -245,11 +254,12 @@ SERIES = {"faces": faces, "mosaic": mosaic, "threads": threads, "photos": photos
 
 
 def main(groundel, folder, *words):
-    options = {w for w in words if w.startswith("--")}
+    minutes = [float(w.removeprefix("--minutes=")) for w in words if w.startswith("--minutes=")]
+    options = {w for w in words if w.startswith("--") and not w.startswith("--minutes=")}
     chosen = [w for w in words if not w.startswith("--")] or list(SERIES)
     if options - {"--small", "--cold"} or any(name not in SERIES for name in chosen):
-        raise SystemExit(f"usage: bench_scale.sh [{' | '.join(SERIES)} …] [--small] [--cold]")
-    bench = Bench(pathlib.Path(groundel).resolve(), pathlib.Path(folder), "--cold" in options)
+        raise SystemExit(f"usage: bench_scale.sh [{' | '.join(SERIES)} …] [--small] [--cold] [--minutes=N]")
+    bench = Bench(pathlib.Path(groundel).resolve(), pathlib.Path(folder), "--cold" in options, *(minutes or [math.inf]))
     for name in chosen:
         SERIES[name](bench, "--small" in options)
     shutil.rmtree(bench.folder, ignore_errors=True)

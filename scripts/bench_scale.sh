@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # How time, memory and disk grow with the job: series of synthetic jobs under --memory 1GiB, in target/bench/scale.
-#   scripts/bench_scale.sh [SERIES …] [--small] [--cold]
+#   scripts/bench_scale.sh [SERIES …] [--small] [--cold] [--minutes=N]
 #     faces     a façade of 10, 100, 300 and 1000 million faces, one mosaic
 #     mosaic    0.1, 1 and 10 gigapixels of one façade
 #     photos    10, 100 and 1000 photos of 24 megapixels, the same mosaic; then 1000 photos and a growing mosaic
 #     threads   one and two threads
+#   --minutes=N leaves out mosaics that would take longer, by name;
 #   --small     smaller steps, minutes in all; --cold: page caches are dropped before each run (needs root)
 # Writes target/bench/scale.csv and scale.png (copy it to benches/, where the README shows it), and says PASS or FAIL for each claim; exit code 1 if one failed. Steps
 # that the disk cannot hold are left out by name. Inputs are deleted as soon as no step needs them.

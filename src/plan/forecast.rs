@@ -53,19 +53,22 @@ pub struct Forecast {
 /// `scripts/bench_scale.sh`, which writes the amounts beside the times, and fitted by `scripts/fit_forecast.py`.
 mod cost {
     /// A face of a mesh store that is built.
-    pub(super) const BUILT_FACE: f64 = 0.75e-6;
-    /// A photo pixel decoded and stored.
-    pub(super) const PHOTO_PIXEL: f64 = 3.0e-8;
+    pub(super) const BUILT_FACE: f64 = 7.0e-7;
+    /// A photo pixel decoded into memory.
+    pub(super) const PHOTO_PIXEL: f64 = 1.6e-8;
+    /// A photo pixel passed when an index is made, and one decoded by it while tiles are rendered.
+    pub(super) const INDEXED_PIXEL: f64 = 2.0e-9;
+    pub(super) const WINDOW_PIXEL: f64 = 1.85e-8;
     /// A pixel of the mosaic with a surface, encoding counted.
-    pub(super) const SURFACE_PIXEL: f64 = 2.0e-7;
+    pub(super) const SURFACE_PIXEL: f64 = 2.0e-8;
     /// A pixel of the mosaic in a photo: visibility, sampling, its part in the blend.
-    pub(super) const SAMPLE: f64 = 2.4e-7;
+    pub(super) const SAMPLE: f64 = 1.5e-7;
     /// A face in a tile's column.
-    pub(super) const FACE: f64 = 1.0e-7;
+    pub(super) const FACE: f64 = 1.0e-8;
     /// A face in a photo's shaft.
-    pub(super) const FACE_VIEW: f64 = 3.5e-7;
+    pub(super) const FACE_VIEW: f64 = 6.4e-8;
     /// A byte of output, written to a part and copied into its file; by one thread.
-    pub(super) const OUTPUT_BYTE: f64 = 4.0e-9;
+    pub(super) const OUTPUT_BYTE: f64 = 1.7e-9;
     /// Start and end of a job.
     pub(super) const JOB: f64 = 0.15;
 }
@@ -82,9 +85,16 @@ impl JobDemand {
             + work.samples * cost::SAMPLE
             + work.faces * cost::FACE
             + work.face_views * cost::FACE_VIEW;
+        // Photos that do not stay in memory are taken to have an index.
+        let (photo_pixel, window_pixel) = if self.photo_store_bytes == 0 {
+            (cost::PHOTO_PIXEL, 0.0)
+        } else {
+            (cost::INDEXED_PIXEL, cost::WINDOW_PIXEL)
+        };
+        let tiles = tiles + self.photo_pixels as f64 * window_pixel;
         let stages = [
             self.faces_to_build as f64 * cost::BUILT_FACE / threads,
-            self.photo_pixels as f64 * cost::PHOTO_PIXEL / threads,
+            self.photo_pixels as f64 * photo_pixel / threads,
             tiles / threads,
             self.output_bytes as f64 * cost::OUTPUT_BYTE,
         ]
