@@ -19,7 +19,7 @@ use crate::{Error, Result};
 pub struct Preparation<'a> {
     /// The folder of the store files; made if it is not there.
     pub folder: &'a Path,
-    /// Memory for decoding, in bytes; photos are decoded at once as far as their [`working_bytes`] fit.
+    /// Memory for decoding, in bytes; photos are decoded at once as far as working memory fits.
     pub budget_bytes: u64,
     /// Memory of others that is held meanwhile, in bytes: what is decoded at once leaves room for it, but one photo alone
     /// may always be.
