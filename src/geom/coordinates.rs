@@ -49,6 +49,15 @@ impl Coordinates {
         DVec3::new(self.x[k], self.y[k], self.z[k])
     }
 
+    /// The coordinates of some points, x, y and z.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    #[inline]
+    pub fn range(&self, range: std::ops::Range<usize>) -> [&[f64]; 3] {
+        [&self.x[range.clone()], &self.y[range.clone()], &self.z[range]]
+    }
+
     /// All points in order.
     pub fn iter(&self) -> impl Iterator<Item = DVec3> + '_ {
         self.x.iter().zip(&self.y).zip(&self.z).map(|((&x, &y), &z)| DVec3::new(x, y, z))

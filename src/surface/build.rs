@@ -44,8 +44,13 @@ impl SurfaceBuilder {
         // Where a vertex of the block went in the tile.
         self.kept.clear();
         self.kept.resize(block.positions.len(), u32::MAX);
+        let rect = self.tile.rect;
         for (k, corners) in block.triangles.iter().enumerate() {
-            let (projected, turned) = in_order(corners.map(|i| self.projected[usize::from(i)]));
+            let corners = corners.map(|i| self.projected[usize::from(i)]);
+            if !may_hold_centre(&rect, corners) {
+                continue;
+            }
+            let (projected, turned) = in_order(corners);
             if let Some(triangle) = Triangle::new(projected.map(DVec3::truncate))
                 && let Some(face) = self.show(mosaic, &triangle, projected, block.ids[k])
             {
@@ -187,6 +192,20 @@ fn renumber<T: Copy>(marks: &mut [u32], items: &mut Vec<T>) {
         next += 1;
     }
     items.truncate(next as usize);
+}
+
+/// Whether a triangle's bounds hold the centre of a pixel of `rect`.
+#[inline]
+fn may_hold_centre(rect: &PixelRect, [a, b, c]: [DVec3; 3]) -> bool {
+    // The first and last centre in the bounds, and those of the rectangle.
+    let first = (a.min(b).min(c) - 0.5).ceil();
+    let last = (a.max(b).max(c) - 0.5).floor();
+    first.x <= last.x
+        && first.y <= last.y
+        && first.x < rect.x1 as f64
+        && first.y < rect.y1 as f64
+        && last.x >= rect.x0 as f64
+        && last.y >= rect.y0 as f64
 }
 
 /// The corners in one order whatever the file's, and whether that turned the winding: faces with the same corners

@@ -86,6 +86,12 @@ impl Grid {
         starts[0] as usize..starts[starts.len() - 1] as usize
     }
 
+    /// Whether there is a point in a range of cells.
+    #[inline]
+    fn holds_points(&self, starts: &[u32], range: Range) -> bool {
+        range.rows().any(|row| !self.points_of(starts, range, row).is_empty())
+    }
+
     /// All cells.
     fn all(&self) -> Range {
         let last = |n: usize| u32::try_from(n - 1).expect("fewer cells than points");
@@ -134,7 +140,10 @@ impl Kernel for Candidates<'_> {
             let near = least(z);
             // A corner behind the camera has depth 0 here.
             if near > 0.0 {
-                if let Some((range, edges)) = limits.prepare(x, y, z) {
+                if let Some((range, m)) = limits.range(x, y, near)
+                    && grid.holds_points(starts, range)
+                {
+                    let edges = limits.edges(x, y, z, m);
                     let wanted = Wanted { edges, near, id: id.0 };
                     if might_hide(grid, starts, range, &points.slices(), &wanted) {
                         let beyond = (greatest(z) + tolerance) * LIMIT_SLACK * LIMIT_SLACK;
@@ -225,15 +234,15 @@ impl Limits {
         }
     }
 
-    /// The cells that a face in front of the camera may touch, and its edges; `None` if it can hide nothing.
+    /// The cells that a face in front of the camera may touch, and the greatest coordinate, which is not a number or
+    /// too great if f32 is not to be trusted; `None` if it can hide nothing.
     #[inline(always)]
-    fn prepare(&self, x: [f32; 3], y: [f32; 3], z: [f32; 3]) -> Option<(Range, Edges)> {
+    fn range(&self, x: [f32; 3], y: [f32; 3], near: f32) -> Option<(Range, f32)> {
         let (x0, x1, y0, y1) = (least(x), greatest(x), least(y), greatest(y));
-        let near = least(z);
         let size = greatest([self.columns, self.rows, 0.0]);
         let m = greatest([greatest([-x0, x1, -y0]), y1, size]);
         if m.is_nan() || m >= GREATEST_PLACE {
-            return Some((self.all, ANYWHERE));
+            return Some((self.all, m));
         }
         let margin = CELL_MARGIN + PLACE_ROUNDING * m;
         let (x0, x1, y0, y1) = (x0 - margin, x1 + margin, y0 - margin, y1 + margin);
@@ -247,13 +256,25 @@ impl Limits {
             y0: index(y0),
             y1: index(y1).min(self.all.y1),
         };
+        Some((range, m))
+    }
+
+    /// The edges of a face with the greatest coordinate `m`.
+    #[inline(always)]
+    fn edges(&self, x: [f32; 3], y: [f32; 3], z: [f32; 3], m: f32) -> Edges {
+        if m.is_nan() || m >= GREATEST_PLACE {
+            return ANYWHERE;
+        }
+        let (x0, x1, y0, y1) = (least(x), greatest(x), least(y), greatest(y));
         let doubled_area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
-        if doubled_area.abs() <= 2.0 * EDGE_ROUNDING * m * ((x1 - x0) + (y1 - y0)) {
-            return Some((range, ANYWHERE));
+        let margin = CELL_MARGIN + PLACE_ROUNDING * m;
+        let across = (x1 - x0) + (y1 - y0) + 4.0 * margin;
+        if doubled_area.abs() <= 2.0 * EDGE_ROUNDING * m * across {
+            return ANYWHERE;
         }
         let side = if doubled_area < 0.0 { -1.0 } else { 1.0 };
         let reach = self.least_reach + self.ray_a_cell * m;
-        let steepness = greatest(z) / near;
+        let steepness = greatest(z) / least(z);
         let exact = self.exact * steepness * steepness * (reach * reach * reach);
         let mut edges = Edges { unsure: 0.0, ..ANYWHERE };
         for (k, (p, q)) in [(0, 1), (1, 2), (2, 0)].into_iter().enumerate() {
@@ -264,7 +285,7 @@ impl Limits {
             let unsure = 2.0 * room;
             edges.unsure = if unsure > edges.unsure { unsure } else { edges.unsure };
         }
-        Some((range, edges))
+        edges
     }
 }
 

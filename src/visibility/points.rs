@@ -181,8 +181,7 @@ impl BlockPoints {
         let surface = sight.surface;
         let (first, count) = (pixel_at(surface, sub.x0, y), sub.width());
         let photo = sight.photo;
-        self.batch.take(surface, first, count);
-        self.batch.sight(photo, count);
+        self.batch.sight(photo, surface.points.range(first..first + count));
         photo.lens.photos_from_rays(&mut self.batch.rays, count);
         let entries = &mut self.entries;
         run_widest(Enter { photo, batch: &self.batch, origin, entries, count });

@@ -27,12 +27,9 @@ impl Sight<'_> {
     }
 }
 
-/// A batch of at most [`RAYS`] points: where they are, then where the photo shows them.
+/// A batch of at most [`RAYS`] points as the photo has them before it.
 #[derive(Debug, Clone)]
 pub(super) struct Batch {
-    pub(super) x: [f64; RAYS],
-    pub(super) y: [f64; RAYS],
-    pub(super) z: [f64; RAYS],
     /// Depth of each point, metres.
     pub(super) depth: [f64; RAYS],
     pub(super) rays: Rays,
@@ -40,30 +37,22 @@ pub(super) struct Batch {
 
 impl Default for Batch {
     fn default() -> Self {
-        let zero = [0.0; RAYS];
-        Self { x: zero, y: zero, z: zero, depth: zero, rays: Rays::default() }
+        Self { depth: [0.0; RAYS], rays: Rays::default() }
     }
 }
 
 impl Batch {
-    /// Takes up `count` neighbouring pixels of `surface` from `pixel` on.
-    pub(super) fn take(&mut self, surface: &SurfaceTile, pixel: usize, count: usize) {
-        let range = pixel..pixel + count;
-        self.x[..count].copy_from_slice(&surface.points.x[range.clone()]);
-        self.y[..count].copy_from_slice(&surface.points.y[range.clone()]);
-        self.z[..count].copy_from_slice(&surface.points.z[range]);
-    }
-
-    /// Fills in depths and rays of the first `count` points: bit for bit those of one point alone.
-    pub(super) fn sight(&mut self, photo: &ViewPhoto, count: usize) {
-        run_widest(ToCamera { photo, batch: self, count });
+    /// Fills in depths and rays of points, their coordinates in three arrays of one length: bit for bit those of one
+    /// point alone.
+    pub(super) fn sight(&mut self, photo: &ViewPhoto, points: [&[f64]; 3]) {
+        run_widest(ToCamera { photo, batch: self, points });
     }
 }
 
 struct ToCamera<'a> {
     photo: &'a ViewPhoto,
     batch: &'a mut Batch,
-    count: usize,
+    points: [&'a [f64]; 3],
 }
 
 impl Kernel for ToCamera<'_> {
@@ -72,12 +61,13 @@ impl Kernel for ToCamera<'_> {
     #[inline(always)]
     #[expect(clippy::inline_always, reason = "compiled for the widest vectors where it is inlined")]
     fn run(self) {
-        let Batch { x, y, z, depth, rays } = self.batch;
-        let (x, y, z) = (&x[..self.count], &y[..self.count], &z[..self.count]);
-        let (ray_x, ray_y) = (&mut rays.x[..self.count], &mut rays.y[..self.count]);
-        let depth = &mut depth[..self.count];
+        let Batch { depth, rays } = self.batch;
+        let count = self.points[0].len();
+        let [x, y, z] = self.points.map(|of| &of[..count]);
+        let (ray_x, ray_y) = (&mut rays.x[..count], &mut rays.y[..count]);
+        let depth = &mut depth[..count];
         let pose = self.photo.pose;
-        for k in 0..self.count {
+        for k in 0..count {
             let q = super::photo::to_camera(&pose, DVec3::new(x[k], y[k], z[k]));
             let ray = ray_of(q);
             (ray_x[k], ray_y[k], depth[k]) = (ray.x, ray.y, q.z);

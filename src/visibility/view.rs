@@ -124,12 +124,11 @@ impl ViewTile {
             if count == 0 {
                 return;
             }
-            let Batch { x, y, z, .. } = &mut self.batch;
+            let ([mut x, mut y, mut z], points) = ([[0.0; RAYS]; 3], &surface.points);
             for (k, &pixel) in at[..count].iter().enumerate() {
-                let points = &surface.points;
                 (x[k], y[k], z[k]) = (points.x[pixel], points.y[pixel], points.z[pixel]);
             }
-            self.batch.sight(photo, count);
+            self.batch.sight(photo, [&x[..count], &y[..count], &z[..count]]);
             photo.lens.photos_from_rays_jacobian(&mut self.batch.rays, count);
             self.pixels.extend_from_slice(&in_sub[..count]);
             self.push(surface, mosaic, photo, &at[..count]);
