@@ -6,6 +6,7 @@
 //! found. Nothing here decides what to do with an input.
 
 mod byte_reader;
+mod cameras;
 mod colmap;
 mod content;
 mod glob;

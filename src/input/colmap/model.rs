@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use crate::camera::{CameraSet, LeftOut, Lens, LensError, LensModel, Photo, PhotoId, Pose};
 use crate::geom::Size;
+use crate::input::cameras::name_fault;
 use crate::{Error, Result};
 
 /// The most photos or cameras of one model: each photo costs about half a kilobyte.
@@ -133,24 +134,4 @@ pub(super) fn limit(path: &Path, what: &str, found: u64) -> Result<()> {
         return Ok(());
     }
     Err(Error::Limit { what: format!("{}: {what}", path.display()), limit: MAX_COUNT, found })
-}
-
-/// What is expected and what is found, if `name` is no path below the photo folder.
-fn name_fault(name: &str) -> Option<(&'static str, String)> {
-    let bytes = name.as_bytes();
-    let is_drive = bytes.len() > 1 && bytes[0].is_ascii_alphabetic() && bytes[1] == b':';
-    if name.is_empty() {
-        Some(("the name of a photo", "an empty one".into()))
-    } else if name.len() > MAX_NAME {
-        Some(("a photo name of at most 4096 bytes", format!("{} bytes", name.len())))
-    } else if name.chars().any(char::is_control) {
-        Some(("a photo name without control characters", format!("{name:?}")))
-    } else if name.starts_with(['/', '\\'])
-        || is_drive
-        || name.split(['/', '\\']).any(|part| part == "..")
-    {
-        Some(("a photo name below the photo folder", format!("{name:?}")))
-    } else {
-        None
-    }
 }
