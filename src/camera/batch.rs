@@ -50,6 +50,12 @@ impl Lens {
             Distortion::Rational(d) => {
                 run_widest(Positions { lens, rays, count, distort: |q| d.distort(q) });
             }
+            Distortion::Brown(d) => {
+                run_widest(Positions { lens, rays, count, distort: |q| d.distort(q) });
+            }
+            Distortion::Wide(d) => {
+                run_widest(Positions { lens, rays, count, distort: |q| d.distort(q) });
+            }
         }
     }
 
@@ -71,6 +77,12 @@ impl Lens {
                 run_widest(Jacobians { lens, rays, count, distort: |q| d.distort_jacobian(q) });
             }
             Distortion::Rational(d) => {
+                run_widest(Jacobians { lens, rays, count, distort: |q| d.distort_jacobian(q) });
+            }
+            Distortion::Brown(d) => {
+                run_widest(Jacobians { lens, rays, count, distort: |q| d.distort_jacobian(q) });
+            }
+            Distortion::Wide(d) => {
                 run_widest(Jacobians { lens, rays, count, distort: |q| d.distort_jacobian(q) });
             }
         }
@@ -150,6 +162,12 @@ mod tests {
             Lens::new(LensModel::Radial, size, &[2500.0, 1490.0, 1010.0, -0.3, 0.05]),
             Lens::new(LensModel::OpenCv, size, &k[..8]),
             Lens::new(LensModel::FullOpenCv, size, &k),
+            Lens::new(LensModel::Brown, size, &[&k[..4], &[3.0], &k[4..10]].concat()),
+            Lens::new(LensModel::BrownFisheye, size, &[&k[..4], &[3.0], &k[4..10]].concat()),
+            Lens::new(LensModel::Fisheye, size, &k[..4]),
+            Lens::new(LensModel::OpenCvFisheye, size, &k[..8]),
+            Lens::new(LensModel::ThinPrismFisheye, size, &k),
+            Lens::new(LensModel::Fov, size, &[2500.0, 2510.0, 1490.0, 1010.0, 0.9]),
         ];
         for lens in lenses.map(Result::unwrap) {
             let mut rays = Rays::default();
@@ -158,6 +176,8 @@ mod tests {
                 (rays.x[i], rays.y[i]) = (0.4 * t * t.sin(), 0.3 * t * (1.3 * t).cos());
             }
             rays.x[5] = f64::NAN;
+            (rays.x[6], rays.y[6]) = (0.0, 0.0);
+            (rays.x[7], rays.y[7]) = (1e-170, 1e-9);
             let mut with_slope = rays.clone();
             lens.photos_from_rays(&mut rays, RAYS);
             lens.photos_from_rays_jacobian(&mut with_slope, RAYS);

@@ -2,10 +2,12 @@
 
 use glam::{DMat2, DVec2};
 
+use super::brown::Brown;
 use super::opencv::OpenCv;
 use super::radial::Radial;
 use super::radius::RadialFunction;
 use super::rational::Rational;
+use super::wide::Wide;
 
 /// The map from a ray (x/z, y/z) to its distorted position, both normalised by the focal length.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,6 +16,8 @@ pub(super) enum Distortion {
     Radial(Radial),
     OpenCv(OpenCv),
     Rational(Rational),
+    Brown(Brown),
+    Wide(Wide),
 }
 
 impl Distortion {
@@ -25,6 +29,8 @@ impl Distortion {
             Self::Radial(d) => d.distort(q),
             Self::OpenCv(d) => d.distort(q),
             Self::Rational(d) => d.distort(q),
+            Self::Brown(d) => d.distort(q),
+            Self::Wide(d) => d.distort(q),
         }
     }
 
@@ -36,31 +42,47 @@ impl Distortion {
             Self::Radial(d) => d.distort_jacobian(q),
             Self::OpenCv(d) => d.distort_jacobian(q),
             Self::Rational(d) => d.distort_jacobian(q),
+            Self::Brown(d) => d.distort_jacobian(q),
+            Self::Wide(d) => d.distort_jacobian(q),
         }
     }
 
-    /// The radial part as a function.
+    /// The radial part as a function: of the ray's radius, or of that at which [`Wide`] draws it.
     pub(super) fn radial_function(&self) -> RadialFunction {
         match self {
             Self::None => RadialFunction::new(&[], &[]),
             Self::Radial(d) => RadialFunction::new(&[d.k1, d.k2], &[]),
             Self::OpenCv(d) => RadialFunction::new(&[d.radial.k1, d.radial.k2], &[]),
             Self::Rational(d) => RadialFunction::new(&d.numerator, &d.denominator),
+            Self::Brown(d) => d.radial_function(),
+            Self::Wide(d) => d.brown.radial_function(),
         }
     }
 
-    /// The least `c` for which the tangential part is known to move no ray of radius `r` by more than `c r²`.
+    /// The square of the ray radius up to which the model holds; perhaps infinite.
+    pub(super) fn valid_square(&self) -> f64 {
+        match self {
+            Self::Wide(d) => d.valid_square(),
+            _ => self.radial_function().valid_square(),
+        }
+    }
+
+    /// The least `c` for which the tangential part is known to move no point of radius `r`, in the plane of
+    /// [`Self::radial_function`], by more than `c r²`.
     pub(super) fn tangential_bound(&self) -> f64 {
         match self {
             Self::None | Self::Radial(_) => 0.0,
             Self::OpenCv(d) => d.tangential.greatest(),
             Self::Rational(d) => d.tangential.greatest(),
+            Self::Brown(d) => d.tangential_bound(),
+            Self::Wide(d) => d.brown.tangential_bound(),
         }
     }
 
     /// The ray of squared radius below `valid_square` whose distorted position is `target`.
     ///
-    /// 1. Newton's method from `target` itself, which serves all but strong distortion.
+    /// 1. Newton's method from `target` itself, or from the ray that a fisheye without distortion would show there,
+    ///    which serves all but strong distortion.
     /// 2. If that fails, from the ray that the radial part alone would give, found by bisection.
     ///
     /// `None` if neither ends within 1e-12 (relative to 1 or to the target, whichever is greater).
@@ -68,7 +90,11 @@ impl Distortion {
         if matches!(self, Self::None) {
             return target.is_finite().then_some(target);
         }
-        self.newton(target, target, valid_square).or_else(|| {
+        let first = match self {
+            Self::Wide(d) => d.ray_without_polynomial(target),
+            _ => target,
+        };
+        self.newton(first, target, valid_square).or_else(|| {
             let start = self.radial_start(target, valid_square)?;
             self.newton(start, target, valid_square)
         })
@@ -107,6 +133,11 @@ impl Distortion {
 
     /// The ray in the direction of `target` that the radial part alone brings nearest to it.
     fn radial_start(&self, target: DVec2, valid_square: f64) -> Option<DVec2> {
+        let target = match self {
+            Self::Brown(d) => d.unsheared(target),
+            Self::Wide(d) => d.brown.unsheared(target),
+            _ => target,
+        };
         let wanted = target.length();
         let direction = target.try_normalize()?;
         let radial = |r: f64| match self {
@@ -114,6 +145,8 @@ impl Distortion {
             Self::Radial(d) => d.distort(DVec2::new(r, 0.0)).x,
             Self::OpenCv(d) => d.radial.distort(DVec2::new(r, 0.0)).x,
             Self::Rational(d) => d.radial_distort(r),
+            Self::Brown(d) => d.radial_distort(r),
+            Self::Wide(d) => d.radial_distort(r),
         };
         let end = valid_square.sqrt();
         // Within the valid radius the distorted radius only grows: double until it is passed, then halve.

@@ -2,12 +2,14 @@
 
 use glam::{DMat2, DVec2};
 
+use super::brown::Brown;
 use super::distortion::Distortion;
 use super::model::LensModel;
 use super::opencv::{OpenCv, Tangential};
 use super::radial::Radial;
 use super::rational::Rational;
 use super::ray_bounds::ray_bounds;
+use super::wide::Wide;
 use crate::geom::{Bounds2, Size};
 
 /// The greatest magnitude of a distortion coefficient: far beyond any lens, and no product of a few overflows.
@@ -45,19 +47,18 @@ pub enum LensError {
 }
 
 impl Lens {
-    /// A lens from a model's parameters in COLMAP's order, in pixels where COLMAP has pixels.
+    /// A lens from a model's parameters in the order of [`LensModel`], in pixels where COLMAP has pixels.
     ///
     /// # Errors
     /// [`LensError::Unsupported`] for a model that is only known by name; [`LensError::Invalid`] for a wrong number of
     /// parameters, one that is not finite, a focal length that is not positive, a distortion coefficient beyond
-    /// ±10¹², or a size of zero.
+    /// ±10¹², a skew of a focal length or more, an `omega` of π or more, or a size of zero.
     pub fn new(model: LensModel, size: Size, params: &[f64]) -> Result<Self, LensError> {
         check(model, size, params)?;
-        let (focal_px, rest) = match model {
-            LensModel::SimplePinhole | LensModel::SimpleRadial | LensModel::Radial => {
-                (DVec2::splat(params[0]), &params[1..])
-            }
-            _ => (DVec2::new(params[0], params[1]), &params[2..]),
+        let (focal_px, rest) = if model.has_one_focal_length() {
+            (DVec2::splat(params[0]), &params[1..])
+        } else {
+            (DVec2::new(params[0], params[1]), &params[2..])
         };
         let (principal_px, k) = (DVec2::new(rest[0], rest[1]), &rest[2..]);
         if !(focal_px.x > 0.0 && focal_px.y > 0.0) {
@@ -66,7 +67,15 @@ impl Lens {
         if let Some(k) = k.iter().find(|k| k.abs() > MAX_COEFFICIENT) {
             return Err(invalid("distortion coefficients within ±1e12", format!("{k:e}")));
         }
-        Ok(Self::assemble(model, size, focal_px, principal_px, distortion(model, k)))
+        let (focal_px, distortion) = match model {
+            LensModel::Fov => fov(focal_px, k[0])?,
+            LensModel::Brown => (focal_px, Distortion::Brown(brown(focal_px, k)?)),
+            LensModel::BrownFisheye => {
+                (focal_px, Distortion::Wide(Wide::fisheye(brown(focal_px, k)?)))
+            }
+            _ => (focal_px, distortion(model, k)),
+        };
+        Ok(Self::assemble(model, size, focal_px, principal_px, distortion))
     }
 
     fn assemble(
@@ -79,19 +88,19 @@ impl Lens {
         let extent = DVec2::new(f64::from(size.width), f64::from(size.height));
         let frame =
             Bounds2 { min: -principal_px / focal_px, max: (extent - principal_px) / focal_px };
-        let valid_square = distortion.radial_function().valid_square();
+        let valid_square = distortion.valid_square();
         let ray_bounds = ray_bounds(&distortion, frame, valid_square);
         Self { model, size, focal_px, principal_px, distortion, valid_square, ray_bounds }
     }
 
-    /// The same lens drawn without distortion: a pinhole of the same focal length and principal point.
+    /// The same lens drawn without distortion: a pinhole of the same focal length and principal point, for a fisheye
+    /// too, whose own image is another one then.
     #[must_use]
     pub fn without_distortion(&self) -> Self {
-        let model = match self.model {
-            LensModel::SimplePinhole | LensModel::SimpleRadial | LensModel::Radial => {
-                LensModel::SimplePinhole
-            }
-            _ => LensModel::Pinhole,
+        let model = if self.model.has_one_focal_length() {
+            LensModel::SimplePinhole
+        } else {
+            LensModel::Pinhole
         };
         Self::assemble(model, self.size, self.focal_px, self.principal_px, Distortion::None)
     }
@@ -135,7 +144,8 @@ impl Lens {
     }
 
     /// The radius |(x/z, y/z)| below which the model holds: the *first* positive root of the derivative of the
-    /// distorted radius, or of the denominator; infinity if there is none. Tangential terms play no part.
+    /// distorted radius, or of the denominator; infinity if there is none. Tangential terms play no part. For fisheyes
+    /// and `FOV` at most tan 85°.
     pub fn valid_radius(&self) -> f64 {
         self.valid_square.sqrt()
     }
@@ -202,7 +212,46 @@ fn distortion(model: LensModel, k: &[f64]) -> Distortion {
             denominator: [k[5], k[6], k[7]],
             tangential: Tangential::new(k[2], k[3]),
         }),
+        LensModel::SimpleFisheye | LensModel::Fisheye => fisheye(Brown::NONE),
+        LensModel::SimpleRadialFisheye => fisheye(Brown::radial([k[0], 0.0, 0.0, 0.0])),
+        LensModel::RadialFisheye => fisheye(Brown::radial([k[0], k[1], 0.0, 0.0])),
+        LensModel::OpenCvFisheye => fisheye(Brown::radial([k[0], k[1], k[2], k[3]])),
+        LensModel::ThinPrismFisheye => fisheye(
+            Brown::radial([k[0], k[1], k[4], k[5]]).decentered(k[2], k[3]).with_prism(k[6], k[7]),
+        ),
         _ => Distortion::None,
+    }
+}
+
+fn fisheye(brown: Brown) -> Distortion {
+    Distortion::Wide(Wide::fisheye(brown))
+}
+
+/// The polynomial of the Brown models, `k` = skew, k1 … k4, p1, p2.
+fn brown(focal_px: DVec2, k: &[f64]) -> Result<Brown, LensError> {
+    let shear = k[0] / focal_px.x;
+    if shear.abs() < 1.0 {
+        Ok(Brown::radial([k[1], k[2], k[3], k[4]]).decentered(k[5], k[6]).sheared(shear))
+    } else {
+        Err(invalid("a skew below the focal length", k[0].to_string()))
+    }
+}
+
+/// The `FOV` model, with the focal length that goes with it.
+///
+/// For |omega| below 0.01 COLMAP computes not the model but `q (1 − omega²/12 + omega² r²/3)`, which has the signs of the
+/// inverse's series; what it has adjusted must be computed likewise. The constant is taken into the focal length.
+fn fov(focal_px: DVec2, omega: f64) -> Result<(DVec2, Distortion), LensError> {
+    let square = omega * omega;
+    if square < 1e-4 {
+        let scale = 1.0 - square / 12.0;
+        let k1 = square / 3.0 / scale;
+        return Ok((focal_px * scale, Distortion::Radial(Radial { k1, k2: 0.0 })));
+    }
+    if omega.abs() < std::f64::consts::PI {
+        Ok((focal_px, Distortion::Wide(Wide::fov(omega.abs()))))
+    } else {
+        Err(invalid("an omega between −π and π", omega.to_string()))
     }
 }
 

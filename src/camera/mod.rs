@@ -7,11 +7,12 @@
 //! Camera axes: x right, y down, z forward, metres; `X_camera = rotation · (X_ground − centre)`. Photo positions are
 //! pixels, the top-left pixel's *centre* at (0.5, 0.5). EXIF orientation plays no part: a lens describes stored pixels.
 //!
-//! Promises: every function is a pure function of its arguments in plain f64 (+ − × ÷ √ only), so the results are the
-//! same on every machine; nothing here allocates per point. Fisheye and omnidirectional models are named
-//! ([`LensModel`]) but not computed.
+//! Promises: every function is a pure function of its arguments in plain f64 (+ − × ÷ √, and the arc tangent of the
+//! crate `libm`, which is made of them), so the results are the same on every machine; nothing here allocates per point.
+//! Fisheyes are exact up to 85° from the optical axis; omnidirectional models are named ([`LensModel`]) but not computed.
 
 mod batch;
+mod brown;
 mod distortion;
 mod lens;
 mod model;
@@ -23,6 +24,7 @@ mod radial;
 mod radius;
 mod rational;
 mod ray_bounds;
+mod wide;
 
 pub use batch::{RAYS, Rays};
 pub use lens::{Lens, LensError};
@@ -30,5 +32,7 @@ pub use model::LensModel;
 pub use photo::{CameraSet, LeftOut, Photo, PhotoId};
 pub use pose::{LocalPose, Pose, PoseError};
 
+#[cfg(test)]
+mod known_values;
 #[cfg(test)]
 mod tests;

@@ -15,7 +15,7 @@ fn lenses() -> impl Strategy<Value = Lens> {
     let rest = (-0.2..0.2_f64, -0.1..0.1_f64, -0.05..0.05_f64);
     let p = (-3e-3..3e-3_f64, -3e-3..3e-3_f64);
     let interior = (0.7..3.0_f64, 0.98..1.02_f64, -80.0..80.0_f64, -80.0..80.0_f64);
-    (0..6_usize, interior, k, rest, p).prop_map(|(model, (f, aspect, dx, dy), k, rest, p)| {
+    (0..15_usize, interior, k, rest, p).prop_map(|(model, (f, aspect, dx, dy), k, rest, p)| {
         let (fx, cx, cy) = (f * 2592.0, 1296.0 + dx, 972.0 + dy);
         let fy = fx * aspect;
         let (model, params) = match model {
@@ -24,9 +24,23 @@ fn lenses() -> impl Strategy<Value = Lens> {
             2 => (LensModel::SimpleRadial, vec![fx, cx, cy, k.0]),
             3 => (LensModel::Radial, vec![fx, cx, cy, k.0, k.1]),
             4 => (LensModel::OpenCv, vec![fx, fy, cx, cy, k.0, k.1, p.0, p.1]),
-            _ => {
+            5 => {
                 let all = [fx, fy, cx, cy, k.0, k.1, p.0, p.1, k.2, rest.0, rest.1, rest.2];
                 (LensModel::FullOpenCv, all.to_vec())
+            }
+            6 => (LensModel::SimpleFisheye, vec![fx, cx, cy]),
+            7 => (LensModel::Fisheye, vec![fx, fy, cx, cy]),
+            8 => (LensModel::SimpleRadialFisheye, vec![fx, cx, cy, k.0]),
+            9 => (LensModel::RadialFisheye, vec![fx, cx, cy, k.0, k.1]),
+            10 => (LensModel::OpenCvFisheye, vec![fx, fy, cx, cy, k.0, k.1, k.2, rest.0]),
+            11 => {
+                let all = [fx, fy, cx, cy, k.0, k.1, p.0, p.1, k.2, rest.2, p.1, -p.0];
+                (LensModel::ThinPrismFisheye, all.to_vec())
+            }
+            12 => (LensModel::Fov, vec![fx, fy, cx, cy, 4.0 * k.0]),
+            _ => {
+                let own = if model == 13 { LensModel::Brown } else { LensModel::BrownFisheye };
+                (own, vec![fx, fy, cx, cy, 3e3 * p.0, k.0, k.1, k.2, rest.0, p.0, p.1])
             }
         };
         Lens::new(model, SIZE, &params).unwrap()
@@ -157,7 +171,7 @@ fn parameters_that_make_no_lens_are_refused() {
     assert!(huge.contains("1e12"), "{huge}");
     let empty = refused(LensModel::SimplePinhole, Size::new(0, 3), &[1.0, 2.0, 2.0]).to_string();
     assert!(empty.contains("0 x 3"), "{empty}");
-    assert_eq!(refused(LensModel::Fov, size, &[1.0; 5]), LensError::Unsupported(LensModel::Fov));
+    assert_eq!(refused(LensModel::Eucm, size, &[1.0; 6]), LensError::Unsupported(LensModel::Eucm));
 }
 
 #[test]
@@ -168,4 +182,6 @@ fn without_distortion_the_centre_stays_and_the_lens_is_a_pinhole() {
     assert!(plain.model() == LensModel::Pinhole && plain.valid_radius().is_infinite());
     assert_eq!(plain.photo_from_ray(DVec2::ZERO), lens.photo_from_ray(DVec2::ZERO));
     assert_eq!(plain.photo_from_ray(DVec2::new(0.1, 0.2)), Some(DVec2::new(600.0, 602.0)));
+    let fisheye = Lens::new(LensModel::OpenCvFisheye, Size::new(1000, 800), &params).unwrap();
+    assert_eq!(fisheye.without_distortion(), plain);
 }

@@ -61,8 +61,7 @@ mod tests {
     #[test]
     fn models_sizes_centres_and_photos_left_out_are_told() {
         let folder = tempfile::tempdir().unwrap();
-        let cameras =
-            "1 PINHOLE 640 480 500 500 320 240\n2 OPENCV_FISHEYE 64 48 50 50 32 24 0 0 0 0\n";
+        let cameras = "1 PINHOLE 640 480 500 500 320 240\n2 EUCM 64 48 50 50 32 24 0 0\n";
         fs::write(folder.path().join("cameras.txt"), cameras).unwrap();
         let images = "1 1 0 0 0 -1 0 0 1 a b.jpg\n\n2 1 0 0 0 -3 0 -2 1 c.jpg\n\n3 1 0 0 0 0 0 0 2 f.jpg\n\n";
         fs::write(folder.path().join("images.txt"), images).unwrap();

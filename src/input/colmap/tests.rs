@@ -105,12 +105,12 @@ fn binary_is_preferred_and_gives_what_text_gives() {
 
 #[test]
 fn a_photo_of_a_known_but_unsupported_model_is_left_out_by_name() {
-    let cameras = format!("{CAMERAS}5 OPENCV_FISHEYE 4 3 5 5 2 2 0 0 0 0\n");
+    let cameras = format!("{CAMERAS}5 EUCM 4 3 5 5 2 2 0 0\n");
     let set = text(&cameras, &IMAGES.replace("3000000000 a.jpg", "5 a.jpg")).unwrap();
     assert_eq!((set.names.len(), set.photos.len()), (3, 2));
     let out = &set.left_out[0];
     assert_eq!((out.id, out.name.as_str()), (PhotoId(1), "a.jpg"));
-    assert!(out.reason.contains("OPENCV_FISHEYE"));
+    assert!(out.reason.contains("EUCM"));
 
     // Every model of COLMAP is stepped over at its right length.
     for id in 0..18 {
