@@ -3,6 +3,7 @@
 mod scene;
 
 use criterion::{BatchSize, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use groundel::frame::Block;
 
 fn build(c: &mut Criterion) {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -44,7 +45,10 @@ fn query(c: &mut Criterion) {
         b.iter(|| {
             for block in &blocks {
                 found.clear();
-                store.query(|bounds| mosaic.may_cover(bounds, block), &mut found);
+                store.query(
+                    |bounds| Block::outline(*block).may_be_shown(&mosaic, bounds),
+                    &mut found,
+                );
                 assert!(found.len() < all.len());
             }
         });
@@ -52,8 +56,8 @@ fn query(c: &mut Criterion) {
     // What was found last is what a look at every partition finds.
     let last = blocks.last().expect("several blocks");
     let mut found = Vec::new();
-    store.query(|bounds| mosaic.may_cover(bounds, last), &mut found);
-    let is_met = |p: &&_| mosaic.may_cover(&store.partition_bounds(**p), last);
+    store.query(|bounds| Block::outline(*last).may_be_shown(&mosaic, bounds), &mut found);
+    let is_met = |p: &&_| Block::outline(*last).may_be_shown(&mosaic, &store.partition_bounds(**p));
     assert_eq!(found, all.iter().filter(is_met).copied().collect::<Vec<_>>());
     group.finish();
 }

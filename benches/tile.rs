@@ -7,10 +7,13 @@ use std::path::Path;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use groundel::camera::Photo;
+use groundel::frame::Block;
 use groundel::geom::PixelRect;
 use groundel::image::Samples;
 use groundel::input::photo::read_photo_header;
-use groundel::render::{BlendSettings, Interpolation, OrthoTile, Renderer, Scene, ScenePhoto};
+use groundel::render::{
+    BlendSettings, Interpolation, OrthoTile, Renderer, Scene, ScenePhoto, Tolerance,
+};
 use groundel::store::mesh::{PartitionBuffer, PartitionId};
 use groundel::store::photo::{PhotoFingerprint, PhotoStore, PhotoTiles};
 use groundel::surface::SurfaceBuilder;
@@ -42,7 +45,7 @@ fn whole_scene(folder: &Path) -> Scene {
         masks: None,
         interpolation: Interpolation::Bicubic,
         blend: BlendSettings::default(),
-        tolerance_m: 0.02 * set.pixel_size,
+        tolerance: Tolerance::Fixed(0.02 * set.pixel_size),
     }
 }
 
@@ -63,7 +66,7 @@ fn pixels(folder: &Path, caster: &Caster, photos: &[Photo]) -> PhotoStore {
 
 fn surface(scene: &Scene, column: &[PartitionId], builder: &mut SurfaceBuilder) {
     let mut partition = PartitionBuffer::new();
-    builder.start(BLOCK);
+    builder.start(&scene.mosaic, BLOCK);
     for &id in column {
         scene.mesh.load(id, &mut partition).expect("a good store");
         builder.add(&scene.mosaic, &partition.block());
@@ -86,7 +89,7 @@ impl View {
     /// Which pixels the photo sees; their number.
     fn decide(&mut self, scene: &Scene, sight: &Sight<'_>) -> usize {
         self.points.start(sight, &mut self.rays);
-        self.cells.start(sight.photo, &mut self.rays);
+        self.cells.start(sight, &mut self.rays);
         self.shaft.clear();
         let cells = &self.cells;
         scene.mesh.query(|bounds| cells.may_be_hidden_by(bounds), &mut self.shaft);
@@ -102,8 +105,8 @@ impl View {
 fn tile(c: &mut Criterion) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let scene = whole_scene(folder.path());
-    let mut column = Vec::new();
-    scene.mesh.query(|bounds| scene.mosaic.may_cover(bounds, &BLOCK), &mut column);
+    let (mut column, block) = (Vec::new(), Block::outline(BLOCK));
+    scene.mesh.query(|bounds| block.may_be_shown(&scene.mosaic, bounds), &mut column);
     let mut group = c.benchmark_group("tile");
     group.throughput(Throughput::Elements(BLOCK.area() as u64)).sample_size(20);
 
@@ -114,7 +117,7 @@ fn tile(c: &mut Criterion) {
     assert!(BLOCK.area() - shown <= MOST_EMPTY, "{shown} pixels show a surface");
 
     let photo = &scene.photos[1].view;
-    let sight = Sight { photo, surface: builder.tile(), tolerance_m: scene.tolerance_m };
+    let sight = Sight { photo, surface: builder.tile(), tolerance: scene.tolerance };
     let mut view = View::default();
     group.bench_function("visibility", |b| b.iter(|| view.decide(&scene, &sight)));
     let seen = view.decide(&scene, &sight);

@@ -12,7 +12,7 @@ use super::frame_choice;
 use super::project;
 use super::settings::{BlendRule, Interpolation, Outliers, Weights};
 use super::values::LEAST_MEMORY_BYTES;
-use crate::frame::Plane;
+use crate::frame::FrameSpec;
 use crate::output::{Compression, Meaning};
 use crate::report::physical_bytes;
 use crate::{Error, Result};
@@ -40,7 +40,7 @@ pub struct Config {
     /// The folder of the photos' masks.
     pub masks: Option<PathBuf>,
     /// What the mosaic is drawn on; flags for pixel size, extent, slab and reference system stand in it already.
-    pub plane: Plane,
+    pub frame: FrameSpec,
     /// Allow a mosaic of more than 10 times the photos' pixels.
     pub force: bool,
     /// How photos are sampled.
@@ -92,7 +92,7 @@ impl Config {
         Ok(Self {
             cameras: needed(args.cameras.clone(), "cameras")?,
             photos: needed(args.photos.clone(), "photos")?,
-            plane: frame_choice::plane(&args, frame)?,
+            frame: frame_choice::frame(&args, frame)?,
             meshes: args.mesh,
             // `+ 0.0` turns −0 into 0.
             shift: args.shift.unwrap_or_default().map(|metres| metres + 0.0),

@@ -1,10 +1,8 @@
 //! What the mosaic is drawn on, from a frame file, the project's `[frame]` or a view, and the flags over it.
 
-use std::path::Path;
-
 use super::args::OrthoArgs;
 use super::settings::View;
-use crate::frame::{FrameSpec, Plane};
+use crate::frame::{Cylinder, FrameSpec, Perspective, Plane};
 use crate::input::read_frame;
 use crate::{Error, Result};
 
@@ -13,13 +11,13 @@ use crate::{Error, Result};
 /// # Errors
 /// [`Error::Usage`] if there is no frame or flags contradict it, [`Error::Unsupported`] for frames that cannot be
 /// drawn yet, and what reading a frame file gives.
-pub(super) fn plane(args: &OrthoArgs, frame: Option<FrameSpec>) -> Result<Plane> {
+pub(super) fn frame(args: &OrthoArgs, frame: Option<FrameSpec>) -> Result<FrameSpec> {
     if args.up.is_some() && args.view != Some(View::Fit) {
         return Err(Error::usage("--up goes with --view fit only (in a project file: `up`)"));
     }
-    let plane = match (&args.frame, args.view, frame) {
-        (Some(file), ..) => read_frame(file)?.into_plane(file)?,
-        (None, Some(View::Top), _) => Plane::top(),
+    let frame = match (&args.frame, args.view, frame) {
+        (Some(file), ..) => read_frame(file)?,
+        (None, Some(View::Top), _) => FrameSpec::Plane(Plane::top()),
         (None, Some(View::Fit), _) => {
             return Err(Error::Unsupported {
                 path: "--view".into(),
@@ -27,20 +25,45 @@ pub(super) fn plane(args: &OrthoArgs, frame: Option<FrameSpec>) -> Result<Plane>
                 hint: Some("give a frame file, or --view top".into()),
             });
         }
-        (None, None, Some(frame)) => {
-            frame.into_plane(args.project.as_deref().unwrap_or(Path::new("[frame]")))?
-        }
+        (None, None, Some(frame)) => frame,
         (None, None, None) => {
             return Err(Error::usage(
                 "a frame is missing: give --frame FILE.toml or --view top (in a project file: `[frame]` or `view`)",
             ));
         }
     };
-    overridden(plane, args)
+    overridden(frame, args)
 }
 
-/// `plane` with what the flags say about it.
-fn overridden(plane: Plane, args: &OrthoArgs) -> Result<Plane> {
+/// `frame` with what the flags say about it.
+fn overridden(frame: FrameSpec, args: &OrthoArgs) -> Result<FrameSpec> {
+    match frame {
+        FrameSpec::Plane(plane) => overridden_plane(plane, args).map(FrameSpec::Plane),
+        FrameSpec::Cylinder(cylinder) => {
+            refuse(args.crs.is_some(), "--crs", "a development of a cylinder")?;
+            Ok(FrameSpec::Cylinder(Cylinder {
+                pixel_size: args.pixel_size.or(cylinder.pixel_size),
+                extent: args.extent.or(cylinder.extent),
+                elevation: args.elevation.or(cylinder.elevation),
+                ..cylinder
+            }))
+        }
+        FrameSpec::Perspective(view) => {
+            let what = "a perspective view, whose camera says it all";
+            refuse(args.crs.is_some(), "--crs", what)?;
+            refuse(args.pixel_size.is_some(), "--pixel-size", what)?;
+            refuse(args.extent.is_some(), "--extent", what)?;
+            let elevation = args.elevation.or(view.elevation);
+            Ok(FrameSpec::Perspective(Perspective { elevation, ..view }))
+        }
+    }
+}
+
+fn refuse(is_given: bool, flag: &str, what: &str) -> Result<()> {
+    if is_given { Err(Error::usage(format!("{flag} does not go with {what}"))) } else { Ok(()) }
+}
+
+fn overridden_plane(plane: Plane, args: &OrthoArgs) -> Result<Plane> {
     let plane = Plane {
         pixel_size: args.pixel_size.or(plane.pixel_size),
         extent: args.extent.or(plane.extent),
@@ -57,6 +80,14 @@ fn overridden(plane: Plane, args: &OrthoArgs) -> Result<Plane> {
 mod tests {
     use super::*;
     use crate::frame::FrameTable;
+
+    /// The plane that is asked for.
+    fn plane(args: &OrthoArgs, spec: Option<FrameSpec>) -> Result<Plane> {
+        match frame(args, spec)? {
+            FrameSpec::Plane(plane) => Ok(plane),
+            other => unreachable!("{other:?}"),
+        }
+    }
 
     fn spec(text: &str) -> FrameSpec {
         toml::from_str::<FrameTable>(text).unwrap().check().unwrap()
@@ -100,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn no_frame_and_frames_still_to_come_are_answered_each_in_its_way() {
+    fn no_frame_and_a_frame_still_to_come_are_answered_each_in_its_way() {
         let none = plane(&OrthoArgs::default(), None).unwrap_err();
         assert!(none.to_string().contains("--view top"), "{none}");
         let fit =
@@ -109,13 +140,19 @@ mod tests {
         let up =
             OrthoArgs { up: Some([0.0, 0.0, 1.0]), view: Some(View::Top), ..Default::default() };
         assert!(matches!(plane(&up, None), Err(Error::Usage(_))));
+    }
+
+    #[test]
+    fn flags_go_into_every_kind_of_frame_or_are_refused() {
         let cylinder = spec(
             "kind = \"cylinder\"\norigin = [0, 0, 0]\naxis = [0, 0, 1]\nzero = [1, 0, 0]\nradius = 5.0\n\
              facing = \"outside\"",
         );
-        assert!(matches!(
-            plane(&OrthoArgs::default(), Some(cylinder)),
-            Err(Error::Unsupported { .. })
-        ));
+        let size = OrthoArgs { pixel_size: Some(0.5), ..Default::default() };
+        let Ok(FrameSpec::Cylinder(found)) = frame(&size, Some(cylinder)) else { panic!() };
+        assert_eq!(found.pixel_size, Some(0.5));
+        let view = spec("kind = \"perspective\"\nphoto = \"a.jpg\"");
+        let error = frame(&size, Some(view)).unwrap_err();
+        assert!(error.to_string().contains("--pixel-size does not go with"), "{error}");
     }
 }

@@ -1,12 +1,12 @@
 //! Conservative bounds of a mosaic rectangle and of boxes over it: what a query for partitions needs.
 
-use super::LocalMosaic;
+use super::LocalPlane;
 use crate::geom::{Bounds3, PixelRect};
 
 /// Room for rounding when a box is compared with a rectangle, pixels: thousands of times what projecting may err.
 const MARGIN_PX: f64 = 1e-3;
 
-impl LocalMosaic {
+impl LocalPlane {
     /// Whether something inside `bounds` (local frame) may project onto a pixel of `rect` within the slab; `false` is
     /// proven.
     pub fn may_cover(&self, bounds: &Bounds3, rect: &PixelRect) -> bool {

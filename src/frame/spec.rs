@@ -1,7 +1,5 @@
 //! [`FrameSpec`]: a checked frame of any kind.
 
-use std::path::Path;
-
 use glam::DVec3;
 
 use super::check::{self, FrameError};
@@ -9,7 +7,6 @@ use super::plane::Plane;
 use super::table::{CameraTable, FrameTable, PoseTable};
 use crate::camera::{Lens, LensModel, Pose};
 use crate::geom::Size;
-use crate::{Error, Result};
 
 /// What the mosaic is drawn on.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,22 +69,41 @@ pub enum Orientation {
         distorted: bool,
     },
     /// Given in the frame; drawn as the model says.
-    Given(Box<Lens>, Pose),
+    Given(Box<GivenCamera>),
 }
 
-impl FrameSpec {
-    /// The plane; `path` is the file that the frame came from.
-    ///
-    /// # Errors
-    /// [`Error::Unsupported`] for the kinds that cannot be drawn yet.
-    pub fn into_plane(self, path: impl AsRef<Path>) -> Result<Plane> {
+impl Facing {
+    /// As frame files have it.
+    pub(super) fn name(self) -> &'static str {
         match self {
-            Self::Plane(plane) => Ok(plane),
-            Self::Cylinder(_) => Err(Error::unsupported(path, "a frame of kind \"cylinder\"")),
-            Self::Perspective(_) => {
-                Err(Error::unsupported(path, "a frame of kind \"perspective\""))
-            }
+            Self::Outside => "outside",
+            Self::Inside => "inside",
         }
+    }
+}
+
+/// A camera stated in a frame: checked, and as it was typed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GivenCamera {
+    /// Interior orientation.
+    pub lens: Lens,
+    /// Exterior orientation.
+    pub pose: Pose,
+    /// As typed.
+    pub(super) camera: CameraTable,
+    /// As typed.
+    pub(super) pose_table: PoseTable,
+}
+
+impl Cylinder {
+    /// Checks that an extent spans at most one turn.
+    pub(super) fn check_span(&self, extent: &[f64; 4]) -> std::result::Result<(), FrameError> {
+        let (turn, span) = (2.0 * std::f64::consts::PI * self.radius, extent[2] - extent[0]);
+        if span > turn * (1.0 + 1e-9) {
+            let expected = format!("a span in u of at most one turn, {turn:?} m");
+            return Err(FrameError::new("extent", expected, format!("{span:?} m")));
+        }
+        Ok(())
     }
 }
 
@@ -143,12 +159,7 @@ impl FrameTable {
             }
         };
         let extent = self.extent.map(check::extent).transpose()?;
-        let turn = 2.0 * std::f64::consts::PI * radius;
-        if let Some(e) = extent.filter(|e| e[2] - e[0] > turn * (1.0 + 1e-9)) {
-            let expected = format!("a span in u of at most one turn, {turn:?} m");
-            return Err(FrameError::new("extent", expected, format!("{:?} m", e[2] - e[0])));
-        }
-        Ok(Cylinder {
+        let cylinder = Cylinder {
             origin,
             axis,
             zero,
@@ -157,7 +168,11 @@ impl FrameTable {
             pixel_size: self.pixel_size.map(|p| check::positive("pixel_size", p)).transpose()?,
             extent,
             elevation: self.elevation.map(check::elevation).transpose()?,
-        })
+        };
+        if let Some(extent) = &extent {
+            cylinder.check_span(extent)?;
+        }
+        Ok(cylinder)
     }
 
     fn perspective(self) -> std::result::Result<Perspective, FrameError> {
@@ -174,7 +189,12 @@ impl FrameTable {
                     let expected = "only a photo to be drawn with or without distortion";
                     return Err(FrameError::new("distorted", expected, "a camera of its own"));
                 }
-                Orientation::Given(Box::new(lens(camera)?), self::pose(pose)?)
+                Orientation::Given(Box::new(GivenCamera {
+                    lens: lens(camera)?,
+                    pose: self::pose(pose)?,
+                    camera: camera.clone(),
+                    pose_table: pose.clone(),
+                }))
             }
             (Some(_), ..) => {
                 let expected = "either a photo or a camera with a pose";

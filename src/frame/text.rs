@@ -2,27 +2,66 @@
 
 use std::fmt::Debug;
 
-use super::mosaic::Mosaic;
+use super::mosaic::{CentralView, Mosaic, MosaicFrame};
+use super::spec::Orientation;
+use super::table::{CameraTable, PoseTable};
 
 /// The frame file of a mosaic.
 ///
 /// Numbers are the shortest that read back to the same bits, always with a point or an exponent; `elevation` is left out
 /// when it is unbounded. Reading the text and writing the mosaic it gives yields the same bytes.
 pub fn frame_toml(mosaic: &Mosaic) -> String {
-    let plane = &mosaic.plane;
-    let mut text = String::from("kind = \"plane\"\n");
-    text += &key("origin", &plane.origin.to_array());
-    text += &key("u_axis", &plane.u.to_array());
-    text += &key("v_axis", &plane.v.to_array());
-    text += &key("pixel_size", &mosaic.pixel_size);
-    text += &key("extent", &mosaic.extent);
+    let mut text = String::new();
+    let grid = key("pixel_size", &mosaic.pixel_size) + &key("extent", &mosaic.extent);
+    match &mosaic.frame {
+        MosaicFrame::Plane(plane) => {
+            text += &key("kind", &"plane");
+            text += &key("origin", &plane.origin.to_array());
+            text += &key("u_axis", &plane.u.to_array());
+            text += &key("v_axis", &plane.v.to_array());
+            text += &grid;
+        }
+        MosaicFrame::Cylinder(cylinder) => {
+            text += &key("kind", &"cylinder");
+            text += &key("origin", &cylinder.origin.to_array());
+            text += &key("axis", &cylinder.axis.to_array());
+            text += &key("zero", &cylinder.zero.to_array());
+            text += &key("radius", &cylinder.radius);
+            text += &key("facing", &cylinder.facing.name());
+            text += &grid;
+        }
+        MosaicFrame::Perspective(view) => {
+            text += &key("kind", &"perspective");
+            text += &orientation(view);
+        }
+    }
     if mosaic.slab.iter().any(|e| e.is_finite()) {
         text += &key("elevation", &mosaic.slab);
     }
-    if let Some(crs) = &plane.crs {
+    if let Some(crs) = mosaic.plane().and_then(|plane| plane.crs.as_ref()) {
         text += &key("crs", crs);
     }
     text
+}
+
+/// The camera of a perspective view, as it was stated.
+fn orientation(view: &CentralView) -> String {
+    match &view.stated {
+        Orientation::OfPhoto { name, distorted } => {
+            // A name may hold what TOML must escape.
+            let name = toml::Value::String(name.clone());
+            let distorted = if *distorted { key("distorted", &true) } else { String::new() };
+            format!("photo = {name}\n{distorted}")
+        }
+        Orientation::Given(camera) => {
+            let CameraTable { model, width, height, params } = &camera.camera;
+            let PoseTable { rotation, translation } = &camera.pose_table;
+            format!(
+                "camera = {{ model = {model:?}, width = {width}, height = {height}, params = {params:?} }}\n\
+                 pose = {{ rotation = {rotation:?}, translation = {translation:?} }}\n"
+            )
+        }
+    }
 }
 
 /// A key with its value. Debug forms are TOML: of f64 ("0.002", "1e-7", "-0.0", "inf") the shortest that reads back to
@@ -55,7 +94,8 @@ mod tests {
         let again = Mosaic::new(plane, p, e, slab).unwrap();
         assert_eq!(frame_toml(&again), text);
         let bits = |m: &Mosaic| {
-            let plane = [m.plane.origin, m.plane.u, m.plane.v, m.plane.n].map(|v| v.to_array());
+            let plane = m.plane().unwrap();
+            let plane = [plane.origin, plane.u, plane.v, plane.n].map(|v| v.to_array());
             let rest = [m.pixel_size, m.slab[0], m.slab[1]];
             let all = plane.concat().into_iter().chain(m.extent).chain(rest);
             all.map(f64::to_bits).collect::<Vec<_>>()

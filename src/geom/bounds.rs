@@ -20,6 +20,12 @@ pub struct Bounds3 {
     pub max: DVec3,
 }
 
+impl Default for Bounds2 {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 impl Bounds2 {
     /// Bounds of nothing: the identity of [`Self::union`].
     pub const EMPTY: Self = Self { min: DVec2::INFINITY, max: DVec2::NEG_INFINITY };

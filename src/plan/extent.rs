@@ -4,6 +4,7 @@ use glam::DVec2;
 
 use super::partitions::SlabFrame;
 use super::{Partitions, Slab};
+use crate::frame::{Block, Mosaic};
 use crate::geom::{Bounds2, Bounds3, Size};
 use crate::{Error, Result};
 
@@ -64,6 +65,21 @@ pub fn check_meeting(mesh: &impl Partitions, slab: Slab<'_>, extent: [f64; 4]) -
     Err(apart(mesh, &frame))
 }
 
+/// Checks that some part of the mesh may be shown, by the bounds of its partitions.
+///
+/// # Errors
+/// [`Error::Usage`] if there is none.
+pub fn check_shown(mesh: &impl Partitions, mosaic: &Mosaic) -> Result<()> {
+    let (local, whole) = (mosaic.local(mesh.origin()), Block::outline(mosaic.size.rect()));
+    if (0..mesh.count()).any(|k| whole.may_be_shown(&local, &mesh.bounds(k))) {
+        return Ok(());
+    }
+    Err(Error::usage(
+        "mesh and frame do not meet: no part of the mesh lies where the frame looks; check the frame, --extent and \
+         --elevation",
+    ))
+}
+
 /// Refuses a mosaic of more than ten times the photos' pixels in all, unless `force`.
 ///
 /// # Errors
@@ -108,6 +124,8 @@ fn apart(mesh: &impl Partitions, frame: &SlabFrame) -> Error {
 mod tests {
     use glam::DVec3;
 
+    use super::super::Base;
+
     use super::super::partitions::soup::Soup;
     use super::*;
     use crate::frame::Plane;
@@ -115,7 +133,7 @@ mod tests {
     const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
     fn top(plane: &Plane, elevation: [f64; 2]) -> Slab<'_> {
-        Slab { plane, elevation }
+        Slab { base: Base::Plane(plane), elevation }
     }
 
     /// A ramp: z = x from 0 to 10, y from 0 to 4; local origin (100, 200, 0).

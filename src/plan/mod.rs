@@ -1,7 +1,7 @@
 //! What is settled once, before the first tile: the mosaic's extent and its pixel size.
 //!
-//! In: the mesh as [`Partitions`], the photos' orientation, a plane frame. Out: [`default_extent`],
-//! [`default_pixel_size`], the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]), and an
+//! In: the mesh as [`Partitions`], the photos' orientation, a frame. Out: [`default_extent`] of a plane, [`default_arc`] of a
+//! cylinder, [`default_pixel_size`], the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]), and an
 //! estimate of what is needed of each photo ([`photo_needs`]).
 //!
 //! Before anything is built, [`Forecast`] says what it will take of memory, disk and time, from a [`Survey`] of the mosaic.
@@ -10,6 +10,7 @@
 //! or memory; one partition at a time is in memory. Which partitions and photos a tile needs is found when it is
 //! rendered: occluders may lie far outside the tile's column.
 
+mod arc;
 mod extent;
 mod forecast;
 mod needs;
@@ -19,9 +20,10 @@ mod survey;
 #[cfg(test)]
 mod tests;
 
-pub use extent::{check_meeting, check_pixels, default_extent};
+pub use arc::default_arc;
+pub use extent::{check_meeting, check_pixels, check_shown, default_extent};
 pub use forecast::{Forecast, JobDemand, tile_weight};
 pub use needs::{PhotoNeed, photo_needs};
-pub use partitions::{Partitions, Slab};
+pub use partitions::{Base, Partitions, Slab};
 pub use pixel_size::default_pixel_size;
 pub use survey::{Survey, WorkAmount};

@@ -3,10 +3,10 @@
 use glam::{DVec2, DVec3};
 
 use super::Partitions;
-use super::Slab;
 use super::partitions::SlabFrame;
+use super::{Base, Slab};
 use crate::camera::{LocalPose, Photo};
-use crate::frame::Mosaic;
+use crate::frame::{Block, Mosaic};
 use crate::geom::{Bounds2, Bounds3, PixelRect, Size};
 
 /// Most boxes that stand for the mesh where the photos are few …
@@ -85,8 +85,9 @@ impl Hull {
 
 /// At most about `limit` boxes that hold all of the mesh that the mosaic may show.
 fn boxes(mesh: &impl Partitions, mosaic: &Mosaic, limit: usize) -> Vec<Hull> {
-    let frame =
-        SlabFrame::new(Slab { plane: &mosaic.plane, elevation: mosaic.slab }, mesh.origin());
+    let Some(plane) = mosaic.plane() else { return boxes_of_rays(mesh, mosaic, limit) };
+    let base = Base::Plane(plane);
+    let frame = SlabFrame::new(Slab { base, elevation: mosaic.slab }, mesh.origin());
     // A pixel around: the last column and row may reach beyond the extent.
     let [u0, v0, u1, v1] = mosaic.extent;
     let [low, high] = mosaic.slab;
@@ -108,6 +109,21 @@ fn boxes(mesh: &impl Partitions, mosaic: &Mosaic, limit: usize) -> Vec<Hull> {
             let (min, max) = (projected.min.max(shown.min), projected.max.min(shown.max));
             Some(Hull { corners: Bounds3 { min, max }.corners().map(|c| frame.lift(c)) })
         }
+    });
+    hulls.collect()
+}
+
+/// The same for a cylinder or a perspective view: whole boxes.
+fn boxes_of_rays(mesh: &impl Partitions, mosaic: &Mosaic, limit: usize) -> Vec<Hull> {
+    let local = mosaic.local(mesh.origin());
+    let whole = Block::outline(mosaic.size.rect());
+    let merged = mesh.count().div_ceil(limit).max(1);
+    let starts = (0..mesh.count()).step_by(merged);
+    let hulls = starts.filter_map(|first| {
+        let members = (first..mesh.count().min(first + merged)).map(|k| mesh.bounds(k));
+        let shown = members.filter(|b| whole.may_be_shown(&local, b));
+        let all = shown.fold(Bounds3::EMPTY, Bounds3::union);
+        (!all.is_empty()).then(|| Hull { corners: all.corners() })
     });
     hulls.collect()
 }

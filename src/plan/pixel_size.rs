@@ -139,7 +139,7 @@ fn density(
     point: DVec3,
     normal: DVec3,
 ) -> Option<f64> {
-    let faces_viewer = normal.dot(frame.towards_viewer());
+    let faces_viewer = normal.dot(frame.towards_viewer(point));
     let faces_photo = normal.dot(pose.centre - point);
     if faces_viewer * faces_photo <= 0.0 {
         return None;
@@ -182,6 +182,7 @@ fn two_digits_down(v: f64) -> f64 {
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "decimal numbers, exactly")]
 mod tests {
+    use super::super::Base;
     use super::super::partitions::soup::Soup;
     use super::*;
     use crate::camera::{Lens, LensModel, PhotoId, Pose};
@@ -216,7 +217,7 @@ mod tests {
     }
 
     fn size(faces: &[[DVec3; 3]], part: usize, photos: &[Photo]) -> Result<f64> {
-        let slab = Slab { plane: &Plane::top(), elevation: ALL };
+        let slab = Slab { base: Base::Plane(&Plane::top()), elevation: ALL };
         default_pixel_size(&Soup::new(ORIGIN, faces, part), slab, None, photos)
     }
 
@@ -285,7 +286,12 @@ mod tests {
         let photo = [nadir(0.0, 0.0, 10.0, 0.0)];
         let mesh = Soup::new(ORIGIN, &faces, 7);
         let of = |elevation, extent| {
-            default_pixel_size(&mesh, Slab { plane: &Plane::top(), elevation }, extent, &photo)
+            default_pixel_size(
+                &mesh,
+                Slab { base: Base::Plane(&Plane::top()), elevation },
+                extent,
+                &photo,
+            )
         };
         assert_eq!(of([99.0, 101.0], None).unwrap(), 0.01);
         assert_eq!(of([104.0, 106.0], None).unwrap(), 0.005);

@@ -4,8 +4,6 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Partitions;
-use super::Slab;
-use super::partitions::SlabFrame;
 use crate::Result;
 use crate::camera::{LocalPose, Photo};
 use crate::frame::Mosaic;
@@ -124,18 +122,17 @@ impl Survey {
 
     /// Step 1; the partitions that are shown.
     fn cover(&mut self, mesh: &impl Partitions, mosaic: &Mosaic) -> Vec<usize> {
-        let slab = Slab { plane: &mosaic.plane, elevation: mosaic.slab };
-        let frame = SlabFrame::new(slab, mesh.origin());
-        let [u_min, _, _, v_max] = mosaic.extent;
+        let local = mosaic.local(mesh.origin());
+        let [low, high] = mosaic.slab;
         let mut shown = Vec::new();
         for partition in 0..mesh.count() {
-            let bounds = frame.box_bounds(&mesh.bounds(partition));
-            if bounds.is_empty() {
+            let Some(range) = local.box_range(&mesh.bounds(partition)) else { continue };
+            if range.is_empty() || range.max.z < low || range.min.z > high {
                 continue;
             }
-            let x = [bounds.min.x, bounds.max.x].map(|u| (u - u_min) / mosaic.pixel_size);
-            let y = [bounds.max.y, bounds.min.y].map(|v| (v_max - v) / mosaic.pixel_size);
-            if self.spread(x, y, mesh.faces(partition) as f64) {
+            let faces = mesh.faces(partition) as f64;
+            let (x, y) = ([range.min.x, range.max.x], [range.min.y, range.max.y]);
+            if self.spread(x, y, faces) {
                 shown.push(partition);
             }
         }
@@ -183,12 +180,12 @@ impl Survey {
         let most = (MOST_PAIRS / FACES / photos.len().max(1)).clamp(LEAST_SAMPLES, MOST_SAMPLES);
         let views: Vec<View> = photos.iter().map(|p| View::new(p, mesh.origin())).collect();
         let local = mosaic.local(mesh.origin());
-        let (axis, pixel_area) = (local.towards_viewer(), mosaic.pixel_size * mosaic.pixel_size);
         let mut looked = vec![Looked::default(); self.cells.len()];
         for &partition in shown.iter().step_by(shown.len().div_ceil(most).max(1)) {
             mesh.visit(partition, &mut |block| {
                 for [a, b, c] in some_faces(block) {
                     let (middle, normal) = ((a + b + c) / 3.0, (b - a).cross(c - a));
+                    let axis = local.towards_viewer(middle).normalize_or_zero();
                     let normal = if normal.dot(axis) < 0.0 { -normal } else { normal };
                     let at = local.project(middle);
                     // A face on edge shows in few pixels.
@@ -200,7 +197,7 @@ impl Survey {
                         for area in views.iter().filter_map(|v| v.area(middle, normal)) {
                             found.seen += faces;
                             // The face's area by that of its projection cancels its slant.
-                            found.photo_px += area * pixel_area;
+                            found.photo_px += area * local.pixel_area(middle);
                         }
                         looked[cell] = looked[cell].plus(found);
                     }

@@ -21,3 +21,4 @@ pub use crate::blend::{
     Blend, OrthoTile, Outliers, PhotoStats, Settings as BlendSettings, Statistics, Weights,
 };
 pub use crate::sample::Interpolation;
+pub use crate::visibility::Tolerance;

@@ -8,7 +8,7 @@ use crate::frame::LocalMosaic;
 use crate::sample::Interpolation;
 use crate::store::mesh::MeshStore;
 use crate::store::photo::PhotoStore;
-use crate::visibility::ViewPhoto;
+use crate::visibility::{Tolerance, ViewPhoto};
 
 /// A photo of the job.
 #[derive(Debug)]
@@ -49,6 +49,6 @@ pub struct Scene {
     pub blend: blend::Settings,
     /// Number of photos in the whole camera set.
     pub names: usize,
-    /// The part of the segment before a surface point in which a face does not occlude it, metres.
-    pub tolerance_m: f64,
+    /// The part of the segment before a surface point in which a face does not occlude it.
+    pub tolerance: Tolerance,
 }

@@ -120,16 +120,18 @@ impl<'a> Renderer<'a> {
                 .blocks(half.min(side - 1))
                 .try_for_each(|quarter| self.block(quarter, tile));
         }
-        self.surface(rect)?;
+        self.surface()?;
         let views = self.visibility()?;
         self.colouring.block(self.scene, self.surface.tile(), &mut self.views[..views], tile)
     }
 
-    /// The partitions that may cover `rect`.
+    /// Starts the surface of `rect`, and finds the partitions that it may show.
     fn find_column(&mut self, rect: PixelRect) {
         let mosaic = &self.scene.mosaic;
         self.column.clear();
-        self.scene.mesh.query(|bounds| mosaic.may_cover(bounds, &rect), &mut self.column);
+        self.surface.start(mosaic, rect);
+        let block = self.surface.block();
+        self.scene.mesh.query(|bounds| block.may_show(mosaic, bounds), &mut self.column);
         self.column.sort_unstable();
     }
 
@@ -138,7 +140,7 @@ impl<'a> Renderer<'a> {
         let mesh = &self.scene.mesh;
         let bounds =
             self.column.iter().fold(Bounds3::EMPTY, |all, &p| all.union(mesh.partition_bounds(p)));
-        let bounds = self.scene.mosaic.column_bounds(&bounds, &rect);
+        let bounds = self.surface.block().shown_bounds(&self.scene.mosaic, &bounds);
         let views = self.scene.photos.iter().filter(|p| p.view.may_see(&bounds)).count();
         let (area, views) = (rect.area() as u64, views as u64);
         let samples = area.min(SUB_BLOCK_AREA) * SampleTile::BYTES_A_SAMPLE as u64;
@@ -148,8 +150,7 @@ impl<'a> Renderer<'a> {
     }
 
     /// Stage 1: which face each pixel shows.
-    fn surface(&mut self, rect: PixelRect) -> Result<()> {
-        self.surface.start(rect);
+    fn surface(&mut self) -> Result<()> {
         for &id in &self.column {
             self.scene.mesh.load(id, &mut self.partition)?;
             self.surface.add(&self.scene.mosaic, &self.partition.block());
@@ -177,11 +178,8 @@ impl<'a> Renderer<'a> {
             for &(_, k) in visits {
                 let View { photo, points, cells, .. } = &mut self.views[k as usize];
                 let photo = &self.scene.photos[*photo].view;
-                let sight = Sight {
-                    photo,
-                    surface: self.surface.tile(),
-                    tolerance_m: self.scene.tolerance_m,
-                };
+                let sight =
+                    Sight { photo, surface: self.surface.tile(), tolerance: self.scene.tolerance };
                 cells.occlude(&sight, &block, points, &mut self.occlusion);
             }
         }
@@ -202,10 +200,10 @@ impl<'a> Renderer<'a> {
             }
             let view = &mut self.views[count];
             view.photo = photo;
-            let tolerance_m = self.scene.tolerance_m;
-            view.points.start(&Sight { photo: &p.view, surface, tolerance_m }, &mut self.rays);
+            let sight = Sight { photo: &p.view, surface, tolerance: self.scene.tolerance };
+            view.points.start(&sight, &mut self.rays);
             if !view.points.is_empty() {
-                view.cells.start(&p.view, &mut self.rays);
+                view.cells.start(&sight, &mut self.rays);
                 view.tile.start_block(surface);
                 count += 1;
             }

@@ -87,10 +87,10 @@ pub struct FrameSummary {
     pub width: u64,
     /// Rows.
     pub height: u64,
-    /// Metres.
-    pub pixel_size: f64,
-    /// u min, v min, u max, v max, metres.
-    pub extent: [f64; 4],
+    /// Metres; `None` of a perspective view.
+    pub pixel_size: Option<f64>,
+    /// u min, v min, u max, v max, metres; `None` of a perspective view.
+    pub extent: Option<[f64; 4]>,
     /// The slab, metres; `None` where it is unbounded.
     pub elevation: [Option<f64>; 2],
     /// Coordinate reference system: "EPSG:32634".

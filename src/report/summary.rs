@@ -21,7 +21,10 @@ impl Report {
 
     fn mosaic_line(&self) -> String {
         let frame = &self.frame;
-        let size = format!("{} × {} pixels of {} m", frame.width, frame.height, frame.pixel_size);
+        let mut size = format!("{} × {} pixels", frame.width, frame.height);
+        if let Some(pixel_size) = frame.pixel_size {
+            size += &format!(" of {pixel_size} m");
+        }
         match self.outputs.last() {
             Some(mosaic) => {
                 format!("{}: {size}, {} MiB", mosaic.file, mosaic.bytes.div_ceil(1 << 20))
@@ -114,7 +117,12 @@ mod tests {
         Report {
             groundel: "0.1.0".into(),
             inputs: Inputs { cameras, ..Inputs::default() },
-            frame: FrameSummary { width: 40, height: 30, pixel_size: 0.002, ..Default::default() },
+            frame: FrameSummary {
+                width: 40,
+                height: 30,
+                pixel_size: Some(0.002),
+                ..Default::default()
+            },
             settings: serde_json::Map::new(),
             coverage: Coverage::new(1200, &[0, 600], 0),
             photos: vec![photo(0, 3), photo(1, 3), photo(2, 30), photo(3, 3)],

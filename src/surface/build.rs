@@ -11,21 +11,24 @@ use std::cmp::Ordering;
 use glam::DVec3;
 
 use super::{SurfaceFace, SurfaceTile};
-use crate::frame::LocalMosaic;
+use crate::frame::{AroundAxis, Block, LocalMosaic, LocalPlane, PixelRay};
 use crate::geom::{FaceBlock, FaceId, PixelRect, held_bytes};
 use crate::raster::{Triangle, scan};
 
 /// Builds one tile after another, reusing its memory.
 #[derive(Debug, Default)]
 pub struct SurfaceBuilder {
-    tile: SurfaceTile,
-    projected: Vec<DVec3>,
+    pub(super) tile: SurfaceTile,
+    pub(super) block: Block,
+    pub(super) projected: Vec<DVec3>,
+    pub(super) around: Vec<AroundAxis>,
     kept: Vec<u32>,
 }
 
 impl SurfaceBuilder {
     /// Starts the tile `rect`: no pixel has a surface.
-    pub fn start(&mut self, rect: PixelRect) {
+    pub fn start(&mut self, mosaic: &LocalMosaic, rect: PixelRect) {
+        self.block.set(mosaic, rect);
         let tile = &mut self.tile;
         tile.rect = rect;
         tile.elevations.clear();
@@ -33,17 +36,31 @@ impl SurfaceBuilder {
         tile.faces_at.clear();
         tile.faces_at.resize(rect.area(), SurfaceTile::NO_FACE);
         tile.points.clear();
+        tile.lines.clear();
         tile.faces.clear();
         tile.vertices.clear();
     }
 
+    /// The rectangle that was started, with what its pixels show.
+    pub fn block(&self) -> &Block {
+        &self.block
+    }
+
     /// Adds the faces of one partition. Partitions must come in ascending order.
-    pub fn add(&mut self, mosaic: &LocalMosaic, block: &FaceBlock<'_>) {
-        self.projected.clear();
-        self.projected.extend(block.positions.iter().map(|&p| mosaic.project(p)));
+    pub fn add(&mut self, mosaic: &LocalMosaic, faces: &FaceBlock<'_>) {
         // Where a vertex of the block went in the tile.
         self.kept.clear();
-        self.kept.resize(block.positions.len(), u32::MAX);
+        self.kept.resize(faces.positions.len(), u32::MAX);
+        match mosaic {
+            LocalMosaic::Plane(plane) => self.add_to_plane(plane, faces),
+            LocalMosaic::Cylinder(cylinder) => self.add_to_cylinder(cylinder, faces),
+            LocalMosaic::Central(central) => self.add_to_central(central, faces),
+        }
+    }
+
+    fn add_to_plane(&mut self, mosaic: &LocalPlane, block: &FaceBlock<'_>) {
+        self.projected.clear();
+        self.projected.extend(block.positions.iter().map(|&p| mosaic.project(p)));
         let rect = self.tile.rect;
         for (k, corners) in block.triangles.iter().enumerate() {
             let corners = corners.map(|i| self.projected[usize::from(i)]);
@@ -62,7 +79,7 @@ impl SurfaceBuilder {
     /// Enters one triangle where it wins; the index it bears in the tile, if it won anywhere.
     fn show(
         &mut self,
-        mosaic: &LocalMosaic,
+        mosaic: &LocalPlane,
         triangle: &Triangle,
         corners: [DVec3; 3],
         id: FaceId,
@@ -108,16 +125,7 @@ impl SurfaceBuilder {
 
     /// Records a triangle that won somewhere.
     fn keep(&mut self, block: &FaceBlock<'_>, k: usize, face: u32, flipped: bool) {
-        let vertices = &mut self.tile.vertices;
-        let corners = block.triangles[k].map(|i| {
-            let slot = &mut self.kept[usize::from(i)];
-            if *slot == u32::MAX {
-                *slot = u32::try_from(vertices.len())
-                    .expect("fewer than 2³² vertices show in one tile");
-                vertices.push(block.positions[usize::from(i)]);
-            }
-            *slot
-        });
+        let corners = self.keep_corners(block, k);
         let [a, b, c] = block.corners(k);
         let normal = (b - a).cross(c - a);
         // In mosaic pixels rows run along −v: a positive turn on the screen is a normal away from the viewer.
@@ -126,15 +134,32 @@ impl SurfaceBuilder {
         self.tile.faces.push(SurfaceFace { corners, id: block.ids[k], normal });
     }
 
+    /// The indices in the tile of a triangle's corners, new where they are not known yet.
+    pub(super) fn keep_corners(&mut self, block: &FaceBlock<'_>, k: usize) -> [u32; 3] {
+        let vertices = &mut self.tile.vertices;
+        block.triangles[k].map(|i| {
+            let slot = &mut self.kept[usize::from(i)];
+            if *slot == u32::MAX {
+                *slot = u32::try_from(vertices.len())
+                    .expect("fewer than 2³² vertices show in one tile");
+                vertices.push(block.positions[usize::from(i)]);
+            }
+            *slot
+        })
+    }
+
     /// Memory held, bytes.
     pub fn memory_bytes(&self) -> u64 {
         let tile = &self.tile;
         held_bytes(&tile.elevations)
             + held_bytes(&tile.faces_at)
             + tile.points.memory_bytes()
+            + tile.lines.memory_bytes()
+            + self.block.memory_bytes()
             + held_bytes(&tile.faces)
             + held_bytes(&tile.vertices)
             + held_bytes(&self.projected)
+            + held_bytes(&self.around)
             + held_bytes(&self.kept)
     }
 
@@ -148,6 +173,10 @@ impl SurfaceBuilder {
         self.drop_hidden_faces();
         let tile = &mut self.tile;
         let width = tile.rect.width();
+        if !matches!(mosaic, LocalMosaic::Plane(_)) {
+            lift_lines(tile, &self.block, mosaic);
+            return &self.tile;
+        }
         for (row, elevations) in tile.elevations.chunks(width.max(1)).enumerate() {
             let y = tile.rect.y0 as f64 + (row as f64 + 0.5);
             for (column, &elevation) in elevations.iter().enumerate() {
@@ -180,6 +209,28 @@ impl SurfaceBuilder {
         for vertex in tile.faces.iter_mut().flat_map(|f| &mut f.corners) {
             *vertex = self.kept[*vertex as usize];
         }
+    }
+}
+
+/// Lifts the points of a cylinder or a perspective view, and gives their lines.
+fn lift_lines(tile: &mut SurfaceTile, block: &Block, mosaic: &LocalMosaic) {
+    let width = tile.rect.width().max(1);
+    for (k, &elevation) in tile.elevations.iter().enumerate() {
+        let (ray, t, area) = match mosaic {
+            LocalMosaic::Plane(_) => return,
+            LocalMosaic::Cylinder(cylinder) => {
+                let t = cylinder.distance(elevation);
+                (block.cylinder().ray(k % width, k / width), t, cylinder.area_at(t))
+            }
+            LocalMosaic::Central(central) => {
+                let (origin, direction) = (central.centre(), block.central().direction(k));
+                let area = block.central().area_at(k, elevation);
+                (PixelRay { origin, direction }, elevation, area)
+            }
+        };
+        // An elevation that is not a number makes a point that is not.
+        tile.points.push(ray.origin + ray.direction * t);
+        tile.lines.push(ray.direction / area);
     }
 }
 

@@ -11,6 +11,7 @@
 //! per point, so that a face that crosses it is cut, not dropped.
 
 mod build;
+mod rays;
 mod tile;
 
 pub use build::SurfaceBuilder;

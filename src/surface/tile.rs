@@ -20,13 +20,18 @@ pub struct SurfaceFace {
 pub struct SurfaceTile {
     /// The rectangle, mosaic pixels.
     pub rect: PixelRect,
-    /// Elevation above the frame's plane, metres; NaN where there is no surface.
+    /// Elevation above the frame's plane or cylinder, or depth in a perspective view, metres; NaN where there is no
+    /// surface.
     pub elevations: Vec<f64>,
     /// Index in [`Self::faces`]; [`Self::NO_FACE`] where there is no surface.
     pub faces_at: Vec<u32>,
     /// The surface point at the pixel's centre, local frame; NaN where there is no surface.
     pub points: Coordinates,
-    /// The triangles shown, each once.
+    /// Of a cylinder or a perspective view: the direction of each pixel's line over the area that the pixel covers there,
+    /// per m²; empty for a plane, where they are the same everywhere. The length of the direction is 1 where the area is
+    /// square to it, else that which has a component of 1 square to the area.
+    pub lines: Coordinates,
+    /// The triangles shown; once, or once for each of their sides.
     pub faces: Vec<SurfaceFace>,
     /// Their vertices, local frame.
     pub vertices: Vec<DVec3>,

@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 
 use super::candidates::{Candidates, Found, Grid};
 use super::face_test::FaceTest;
-use super::photo::{Shaft, ViewPhoto};
+use super::photo::Shaft;
 use super::points::{BlockPoints, RayPoints};
 use super::sight::Sight;
 use crate::geom::{Bounds2, Bounds3, FaceBlock, Kernel, LANES, held_bytes, run_widest};
@@ -30,6 +30,8 @@ pub struct PointCells {
     starts: Vec<u32>,
     points: SortedPoints,
     in_sight: usize,
+    /// Greatest tolerance of any point, metres.
+    greatest_tolerance_m: f64,
     /// Cell of each point, in the order in which they came.
     cells: Vec<u32>,
 }
@@ -78,7 +80,8 @@ impl PointCells {
 
     /// Bins the points of one photo in cells of a few photo pixels; the coordinates of `points` become places in the
     /// grid.
-    pub fn start(&mut self, photo: &ViewPhoto, points: &mut RayPoints) {
+    pub fn start(&mut self, sight: &Sight<'_>, points: &mut RayPoints) {
+        let photo = sight.photo;
         let count = points.x.len();
         self.in_sight = count;
         self.starts.clear();
@@ -86,6 +89,7 @@ impl PointCells {
             self.shaft = None;
             return;
         }
+        self.greatest_tolerance_m = sight.tolerance.greatest(sight.surface);
         let far = greatest(&points.limit);
         let (min_x, max_x) = (-greatest_of(&points.x, |v| -v), greatest(&points.x));
         let (min_y, max_y) = (-greatest_of(&points.y, |v| -v), greatest(&points.y));
@@ -168,7 +172,7 @@ impl PointCells {
             grid: &self.grid,
             starts: &self.starts,
             points: &mut self.points,
-            tolerance_m: sight.tolerance_m,
+            tolerance_m: self.greatest_tolerance_m,
             block,
             vertices,
             found,

@@ -26,7 +26,7 @@ mod view;
 pub use cells::{OcclusionScratch, PointCells};
 pub use photo::ViewPhoto;
 pub use points::{BlockPoints, RayPoints, SUB_BLOCK};
-pub use sight::Sight;
+pub use sight::{Sight, Tolerance};
 pub use view::ViewTile;
 
 #[cfg(test)]

@@ -14,8 +14,38 @@ pub struct Sight<'a> {
     pub photo: &'a ViewPhoto,
     /// What the mosaic shows.
     pub surface: &'a SurfaceTile,
-    /// ε: a face less than this before a point, metres, does not occlude it.
-    pub tolerance_m: f64,
+    /// ε: a face less than this before a point does not occlude it.
+    pub tolerance: Tolerance,
+}
+
+/// The part of the segment before a surface point in which a face does not occlude it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tolerance {
+    /// Metres.
+    Fixed(f64),
+    /// This part of the point's elevation, which is its depth in a perspective view.
+    OfDepth(f64),
+}
+
+impl Tolerance {
+    /// Metres, at a point of this elevation.
+    #[inline]
+    pub fn at(self, elevation: f64) -> f64 {
+        match self {
+            Self::Fixed(metres) => metres,
+            Self::OfDepth(part) => part * elevation,
+        }
+    }
+
+    /// The greatest at any point of a surface, metres.
+    pub fn greatest(self, surface: &SurfaceTile) -> f64 {
+        match self {
+            Self::Fixed(metres) => metres,
+            Self::OfDepth(part) => {
+                surface.elevations.iter().fold(0.0, |m: f64, &e| m.max(part * e))
+            }
+        }
+    }
 }
 
 impl Sight<'_> {
@@ -23,7 +53,8 @@ impl Sight<'_> {
     #[inline]
     pub(super) fn ray_and_limit(&self, pixel: usize) -> (DVec2, f64) {
         let q = self.photo.camera_from_local(self.surface.points.at(pixel));
-        (ray_of(q), q.z * (1.0 - self.tolerance_m / q.length()))
+        let tolerance_m = self.tolerance.at(self.surface.elevations[pixel]);
+        (ray_of(q), q.z * (1.0 - tolerance_m / q.length()))
     }
 }
 

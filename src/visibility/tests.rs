@@ -2,7 +2,7 @@ use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 
 use super::face_test::FaceTest;
-use super::{BlockPoints, OcclusionScratch, PointCells, RayPoints, Sight, ViewPhoto};
+use super::{BlockPoints, OcclusionScratch, PointCells, RayPoints, Sight, Tolerance, ViewPhoto};
 use crate::camera::{Lens, LensModel, LocalPose};
 use crate::frame::{LocalMosaic, Mosaic, Plane};
 use crate::geom::{Bounds3, FaceBlock, FaceId, PixelRect, Size};
@@ -57,7 +57,7 @@ impl Mesh {
 
     fn surface(&self, mosaic: &LocalMosaic, rect: PixelRect) -> SurfaceTile {
         let mut builder = SurfaceBuilder::default();
-        builder.start(rect);
+        builder.start(mosaic, rect);
         self.blocks(usize::MAX).iter().for_each(|b| builder.add(mosaic, b));
         builder.finish(mosaic).clone()
     }
@@ -67,9 +67,9 @@ impl Mesh {
 fn seen(mesh: &Mesh, surface: &SurfaceTile, photo: &ViewPhoto, blocks: usize) -> Vec<usize> {
     let (mut points, mut rays) = (BlockPoints::default(), RayPoints::default());
     let (mut cells, mut scratch) = (PointCells::default(), OcclusionScratch::default());
-    let sight = Sight { photo, surface, tolerance_m: TOLERANCE };
+    let sight = Sight { photo, surface, tolerance: Tolerance::Fixed(TOLERANCE) };
     points.start(&sight, &mut rays);
-    cells.start(photo, &mut rays);
+    cells.start(&sight, &mut rays);
     for block in mesh.blocks(blocks) {
         if cells.may_be_hidden_by(&block.bounds) {
             cells.occlude(&sight, &block, &mut points, &mut scratch);

@@ -25,7 +25,7 @@ struct FaceView {
     /// Its area in photo pixels; NaN if a corner has no projection, [`UNKNOWN`] before the face was met.
     area: f64,
     /// Photo pixels that a mosaic pixel's part of the face's plane covers at a point, by the magnification there over
-    /// the depth cubed.
+    /// the depth cubed; where lines are not parallel, still to be divided by the face's normal along [`SurfaceTile::lines`].
     pixel_spread: f64,
 }
 
@@ -154,6 +154,11 @@ impl ViewTile {
             let depth = self.batch.depth[k];
             let magnification = self.batch.rays.magnification[k] / (depth * depth * depth);
             footprints[k] = pixel_spread * magnification;
+            if !surface.lines.is_empty() {
+                // Here `pixel_spread` is for an area of 1 square to a line of length 1.
+                let slope = surface.faces[face].normal.dot(surface.lines.at(pixel)).abs();
+                footprints[k] /= slope;
+            }
             weights[k] = area;
             if area.is_nan() {
                 // A vertex is behind the camera or beyond the lens: the Jacobian at the point stands in.
@@ -174,9 +179,14 @@ impl ViewTile {
         photo: &ViewPhoto,
         face: &SurfaceFace,
     ) -> FaceView {
-        let pixel_area = mosaic.pixel_size() * mosaic.pixel_size();
-        let slope = face.normal.dot(mosaic.towards_viewer()).abs();
-        let pixel_spread = pixel_area * spread(surface, photo, face) / slope;
+        let pixel_spread = match mosaic {
+            LocalMosaic::Plane(plane) => {
+                let pixel_area = plane.pixel_size() * plane.pixel_size();
+                let slope = face.normal.dot(plane.towards_viewer()).abs();
+                pixel_area * spread(surface, photo, face) / slope
+            }
+            _ => spread(surface, photo, face),
+        };
         let area = self.projected_area(surface, photo, face).unwrap_or(f64::NAN);
         FaceView { area, pixel_spread }
     }

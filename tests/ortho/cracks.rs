@@ -23,7 +23,7 @@ fn pin_holes(round: impl Fn(DVec3, DVec3, DVec3) -> DVec3) -> (usize, usize) {
     let scene: Scene = job::open(&test, folder.path(), &cameras);
     let mosaic: &LocalMosaic = &scene.mosaic;
     let mut surface = SurfaceBuilder::default();
-    surface.start(test.plane.size().rect());
+    surface.start(mosaic, test.plane.size().rect());
     let mut partitions: Vec<PartitionId> = Vec::new();
     scene.mesh.query(|_| true, &mut partitions);
     partitions.sort_unstable();

@@ -5,7 +5,7 @@ use std::path::Path;
 use groundel::camera::CameraSet;
 use groundel::image::{Colour, Depth};
 use groundel::input::open_mesh;
-use groundel::render::{BlendSettings, Interpolation, Scene, ScenePhoto};
+use groundel::render::{BlendSettings, Interpolation, Scene, ScenePhoto, Tolerance};
 use groundel::store::mesh::MeshBuild;
 use groundel::store::photo::{
     Demand, PhotoSource, PhotoStore, Preparation, Reading, prepare_photos,
@@ -74,6 +74,6 @@ pub(super) fn open_reading(
             ..BlendSettings::default()
         },
         names: cameras.names.len(),
-        tolerance_m: tolerance_m(test),
+        tolerance: Tolerance::Fixed(tolerance_m(test)),
     }
 }

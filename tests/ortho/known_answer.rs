@@ -3,9 +3,10 @@
 
 use super::job;
 use groundel::camera::{CameraSet, Lens, Photo};
+use groundel::frame::MosaicFrame;
 use groundel::geom::FaceId;
 use groundel::image::{Image, Samples};
-use groundel::render::{OrthoTile, Renderer, Scene};
+use groundel::render::{OrthoTile, Renderer, Scene, Tolerance};
 use groundel::store::photo::Reading;
 use groundel::synthetic::scenes;
 use groundel::synthetic::{Likeness, Oracle, Sight, TestScene, likeness};
@@ -130,7 +131,7 @@ fn colours_are_those_of_the_texture_and_lie_where_they_should() {
 fn a_view_without_occlusion_is_found_out() {
     let test = scenes::columns();
     let (oracle, files) = (test.oracle(SLACK_M), Rendered::files(&test));
-    let tile = files.tile(&test, |scene| scene.tolerance_m = 1e9);
+    let tile = files.tile(&test, |scene| scene.tolerance = Tolerance::Fixed(1e9));
     let found = judge(&test, &oracle, &files.cameras, &tile);
     assert!(found.wrong_decisions * 100 > found.decisions, "{found:?}");
 }
@@ -143,8 +144,9 @@ fn a_mosaic_upside_down_is_found_out() {
         let mut mosaic = test.mosaic().unwrap();
         // The rows run along +v, the grid stays where it is.
         let [_, low, _, high] = mosaic.extent;
-        (mosaic.plane.v, mosaic.plane.u) = (-mosaic.plane.v, -mosaic.plane.u);
-        mosaic.plane.origin -= mosaic.plane.v * (low + high);
+        let MosaicFrame::Plane(plane) = &mut mosaic.frame else { unreachable!("a plane") };
+        (plane.v, plane.u) = (-plane.v, -plane.u);
+        plane.origin -= plane.v * (low + high);
         scene.mosaic = mosaic.local(scene.mesh.origin());
     });
     let found = judge(&test, &oracle, &files.cameras, &tile);

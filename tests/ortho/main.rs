@@ -5,6 +5,7 @@ mod command;
 mod cracks;
 mod demo;
 mod formats;
+mod frames;
 mod golden;
 mod interruption;
 mod job;

@@ -7,12 +7,13 @@ use std::path::Path;
 use super::super::config::Config;
 use super::super::console;
 use super::disk::Room;
+use super::grid;
 use super::inputs::Inputs;
 use super::speed::speed;
 use super::stores::mesh_build;
 use crate::Result;
 use crate::camera::Photo;
-use crate::frame::Mosaic;
+use crate::frame::{FrameSpec, Mosaic};
 use crate::output::{Compression, Layer, Meaning};
 use crate::plan::{Forecast, JobDemand, PhotoNeed, Survey, check_pixels};
 use crate::render::Budget;
@@ -154,8 +155,14 @@ impl Outlook {
 
 /// The mosaic, if its grid is stated; what is wrong with it is said when the grid is decided.
 fn stated_mosaic(config: &Config, inputs: &Inputs) -> Option<Mosaic> {
-    let (plane, slab) = (&config.plane, [f64::NEG_INFINITY, f64::INFINITY]);
-    let mosaic = Mosaic::new(plane.clone(), plane.pixel_size?, plane.extent?, slab).ok()?;
+    let slab = [f64::NEG_INFINITY, f64::INFINITY];
+    let mosaic = match &config.frame {
+        FrameSpec::Plane(plane) => {
+            Mosaic::new(plane.clone(), plane.pixel_size?, plane.extent?, slab).ok()?
+        }
+        FrameSpec::Cylinder(c) => Mosaic::new(c.clone(), c.pixel_size?, c.extent?, slab).ok()?,
+        FrameSpec::Perspective(view) => grid::of_view(view, &inputs.cameras).ok()?,
+    };
     let photo_pixels = inputs.photos.iter().map(|p| p.lens.size().area()).sum();
     check_pixels(mosaic.size, photo_pixels, config.force).ok().map(|()| mosaic)
 }

@@ -14,7 +14,7 @@ use super::profile::CommonProfile;
 use super::stores::Stores;
 use crate::batch::Manifest;
 use crate::camera::Photo;
-use crate::frame::{Mosaic, frame_toml};
+use crate::frame::{Mosaic, MosaicFrame, frame_toml};
 use crate::image::{Colour, Depth};
 use crate::output::{Georeference, IccProfile, Layer, Meaning, TileFormat, parse_crs};
 use crate::render::{self, Scene, ScenePhoto};
@@ -65,11 +65,11 @@ impl Job {
             undefined: config.undefined,
         };
         blend.check()?;
-        let tolerance_m = config.occlusion_tolerance_m.unwrap_or(TOLERANCE_PX * mosaic.pixel_size);
+        let tolerance = tolerance(config, &mosaic);
         let rendering = Rendering {
             interpolation: choices::interpolation(config.interpolation),
             blend,
-            tolerance_m,
+            tolerance,
         };
         let stores = (&mesh, &pixels, masks.as_ref());
         let settings = fingerprint(&mosaic, stores, &photos, &rendering);
@@ -90,7 +90,7 @@ impl Job {
             interpolation: rendering.interpolation,
             blend,
             names: inputs.cameras.names.len(),
-            tolerance_m: rendering.tolerance_m,
+            tolerance: rendering.tolerance,
         };
         let folder = config.work.join(format!("job-{:032x}", manifest.fingerprint()));
         fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
@@ -106,7 +106,19 @@ impl Job {
 struct Rendering {
     interpolation: render::Interpolation,
     blend: render::BlendSettings,
-    tolerance_m: f64,
+    tolerance: render::Tolerance,
+}
+
+/// ε of the occlusion test.
+fn tolerance(config: &Config, mosaic: &Mosaic) -> render::Tolerance {
+    match (config.occlusion_tolerance_m, &mosaic.frame) {
+        (Some(metres), _) => render::Tolerance::Fixed(metres),
+        (None, MosaicFrame::Perspective(view)) => {
+            let focal = view.lens.focal_px();
+            render::Tolerance::OfDepth(TOLERANCE_PX / (focal.x * focal.y).sqrt())
+        }
+        (None, _) => render::Tolerance::Fixed(TOLERANCE_PX * mosaic.pixel_size),
+    }
 }
 
 /// RGB if any photo has colour, 16 bit if any photo has.
@@ -154,9 +166,13 @@ fn manifest(
     rendering: &Rendering,
     (profile, settings): (Option<IccProfile>, String),
 ) -> Result<Manifest> {
-    let epsg = mosaic.plane.crs.as_deref().map(parse_crs).transpose()?;
+    let crs = mosaic.plane().and_then(|plane| plane.crs.as_deref());
+    let epsg = crs.map(parse_crs).transpose()?;
     let [origin_u, _, _, origin_v] = mosaic.extent;
-    let georeference = Georeference { origin_u, origin_v, pixel_size: mosaic.pixel_size, epsg };
+    let pixel_size = mosaic.pixel_size;
+    // A perspective view has no coordinates of the ground.
+    let georeference =
+        (pixel_size > 0.0).then_some(Georeference { origin_u, origin_v, pixel_size, epsg });
     let frame = frame_toml(mosaic);
     let colours = Layer::mosaic(rendering.blend.colour, rendering.blend.depth);
     let mut layers = vec![match profile {
@@ -177,5 +193,5 @@ fn manifest(
     };
     let layers = layers.into_iter().map(with_items).collect();
     let format = TileFormat { tile_size: config.tile_size, compression: config.compression };
-    Manifest::new(mosaic.size, format, layers, Some(georeference), settings)
+    Manifest::new(mosaic.size, format, layers, georeference, settings)
 }

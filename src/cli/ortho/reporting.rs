@@ -7,6 +7,7 @@ use super::super::console;
 use super::forecast::Outlook;
 use super::inputs::Inputs;
 use super::job::Job;
+use crate::frame::MosaicFrame;
 use crate::output::write_atomically;
 use crate::render::{OrthoTile, Statistics};
 use crate::report::{
@@ -92,14 +93,19 @@ fn photo_pixels(job: &Job) -> PhotoPixels {
 
 fn frame(job: &Job) -> FrameSummary {
     let mosaic = &job.mosaic;
+    let (kind, has_ground) = match mosaic.frame {
+        MosaicFrame::Plane(_) => ("plane", true),
+        MosaicFrame::Cylinder(_) => ("cylinder", true),
+        MosaicFrame::Perspective(_) => ("perspective", false),
+    };
     FrameSummary {
-        kind: "plane".into(),
+        kind: kind.into(),
         width: mosaic.size.width.into(),
         height: mosaic.size.height.into(),
-        pixel_size: mosaic.pixel_size,
-        extent: mosaic.extent,
+        pixel_size: has_ground.then_some(mosaic.pixel_size),
+        extent: has_ground.then_some(mosaic.extent),
         elevation: mosaic.slab.map(|e| e.is_finite().then_some(e)),
-        crs: mosaic.plane.crs.clone(),
+        crs: mosaic.plane().and_then(|plane| plane.crs.clone()),
     }
 }
 

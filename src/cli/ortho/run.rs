@@ -67,7 +67,7 @@ fn stages(config: &Config) -> Result<ExitStatus> {
     let budget = budget.with_mesh(mesh.file_bytes());
     let photos = log.run("photo headers", || UsablePhotos::check(config, &inputs))?;
     let (mosaic, needs) = log.run("grid", || {
-        let mosaic = grid(config, &mesh, &photos.photos)?;
+        let mosaic = grid(config, &mesh, &inputs.cameras, &photos.photos)?;
         let needs = photo_needs(&mesh, &mosaic, &photos.photos);
         Ok((mosaic, needs))
     })?;

@@ -1,0 +1,80 @@
+//! [`RayTriangle`]: where a line meets a triangle.
+
+use glam::DVec3;
+
+/// A triangle before lines through one point, its corners relative to that point.
+///
+/// The side of an edge on which a line passes is the sign of d · (a × b), of the line's direction and the edge's ends:
+/// for the two triangles that share an edge it is the same number with the opposite sign, to the last bit, so no line
+/// slips between them. A line through an edge or a corner meets all that share it.
+#[derive(Debug, Clone, Copy)]
+pub struct RayTriangle {
+    edges: [DVec3; 3],
+    normal: DVec3,
+    offset: f64,
+}
+
+impl RayTriangle {
+    /// The triangle with these corners.
+    #[inline]
+    pub fn new([a, b, c]: [DVec3; 3]) -> Self {
+        let normal = (b - a).cross(c - a);
+        Self { edges: [b.cross(c), c.cross(a), a.cross(b)], normal, offset: normal.dot(a) }
+    }
+
+    /// Twice its area vector.
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
+    /// The t > 0 at which `t · direction` lies on the triangle; `None` if it does nowhere, or the line lies in the
+    /// triangle's plane.
+    #[inline]
+    pub fn hit(&self, direction: DVec3) -> Option<f64> {
+        let [e0, e1, e2] = self.edges.map(|edge| edge.dot(direction));
+        let inside = (e0 >= 0.0 && e1 >= 0.0 && e2 >= 0.0) || (e0 <= 0.0 && e1 <= 0.0 && e2 <= 0.0);
+        let facing = self.normal.dot(direction);
+        if !inside || facing == 0.0 {
+            return None;
+        }
+        let t = self.offset / facing;
+        (t > 0.0 && t.is_finite()).then_some(t)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_triangle_is_met_before_the_point_and_not_behind_it() {
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)].map(|(x, y)| DVec3::new(x, y, 4.0));
+        let triangle = RayTriangle::new(corners);
+        assert_eq!(triangle.hit(DVec3::Z), Some(4.0));
+        assert_eq!(triangle.hit(DVec3::NEG_Z), None);
+        assert_eq!(triangle.hit(DVec3::X), None);
+        assert_eq!(triangle.hit(DVec3::new(0.9, 0.9, 1.0)), None);
+    }
+
+    proptest! {
+        #[test]
+        fn a_line_through_a_fan_meets_at_least_one_of_its_triangles(
+            inner in prop::array::uniform2(-0.4..0.4_f64),
+            at in prop::array::uniform2(-0.99..0.99_f64),
+            depth in prop::array::uniform4(1.0..3.0_f64),
+        ) {
+            let corner = |x: f64, y: f64, z: f64| DVec3::new(x * z, y * z, z);
+            let rim = [
+                corner(-1.0, -1.0, depth[0]), corner(1.0, -1.0, depth[1]),
+                corner(1.0, 1.0, depth[2]), corner(-1.0, 1.0, depth[3]),
+            ];
+            let middle = corner(inner[0], inner[1], 2.0);
+            let fan = [0, 1, 2, 3].map(|k: usize| RayTriangle::new([rim[k], rim[(k + 1) % 4], middle]));
+            let hits = |d: DVec3| fan.iter().filter(|t| t.hit(d).is_some()).count();
+            prop_assert!(hits(DVec3::new(at[0], at[1], 1.0)) >= 1);
+            // Through the middle, all four.
+            prop_assert!(hits(middle) >= 1);
+        }
+    }
+}

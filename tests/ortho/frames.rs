@@ -1,0 +1,278 @@
+//! Cylinders and perspective views against a brute force over every face, on a tower with a skew axis.
+
+use std::f64::consts::PI;
+
+use super::job;
+use glam::{DMat3, DVec2, DVec3};
+use groundel::camera::{CameraSet, LensModel, PhotoId};
+use groundel::frame::{CentralView, Cylinder, Facing, Mosaic, Orientation};
+use groundel::geom::Size;
+use groundel::image::Samples;
+use groundel::render::{OrthoTile, Renderer, Tolerance};
+use groundel::synthetic::scenes;
+use groundel::synthetic::{CameraSpec, Placement, Shot, TestScene};
+
+const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+/// Memory for one renderer: small, so that blocks are cut.
+const BLOCK_BYTES: u64 = 8 << 20;
+/// Side of a cylinder's pixel, metres.
+const PIXEL: f64 = 0.02;
+/// Rounding of the two ways of computing an elevation, metres.
+const ROOM: f64 = 1e-9;
+
+/// A tower about the scene's y axis: segments in turn 1.00 and 1.08 m from it.
+fn tower(placement: Placement) -> Vec<[DVec3; 3]> {
+    const SEGMENTS: i32 = 40;
+    let at = |k: i32, radius: f64, y: f64| {
+        let angle = 2.0 * PI * f64::from(k) / f64::from(SEGMENTS);
+        placement.ground_from_scene(DVec3::new(radius * angle.sin(), y, radius * angle.cos()))
+    };
+    let radius = |k: i32| if k.rem_euclid(SEGMENTS) / 5 % 2 == 0 { 1.0 } else { 1.08 };
+    let mut faces = Vec::new();
+    for ring in 0..6 {
+        let (y0, y1) = (f64::from(ring) * 0.2 - 0.6, f64::from(ring) * 0.2 - 0.4);
+        let mut quad = |a: DVec3, b: DVec3, c: DVec3, d: DVec3| {
+            faces.extend([[a, b, c], [a, c, d]]);
+        };
+        for k in 0..SEGMENTS {
+            let (r, before) = (radius(k), radius(k - 1));
+            quad(at(k, r, y0), at(k + 1, r, y0), at(k + 1, r, y1), at(k, r, y1));
+            if (r - before).abs() > 0.0 {
+                quad(at(k, before, y0), at(k, r, y0), at(k, r, y1), at(k, before, y1));
+            }
+        }
+    }
+    faces
+}
+
+/// The tower, far from the origin and leaning, with `shots` given in scene coordinates.
+fn test_scene(shots: impl Fn(&Placement) -> Vec<Shot>) -> TestScene {
+    let origin = DVec3::new(500_000.3, 4_200_000.7, 100.2);
+    let placement =
+        Placement::oblique(origin, DVec3::new(0.6, 0.7, 0.13), DVec3::new(-0.2, 0.1, 1.0));
+    let mut test = scenes::columns();
+    test.triangles = tower(placement);
+    test.parts = vec![test.parts[0]; test.triangles.len()];
+    test.placement = placement;
+    test.shots = shots(&placement);
+    test
+}
+
+fn lens(focal: f64, size: [u32; 2]) -> CameraSpec {
+    let [w, h] = size.map(f64::from);
+    CameraSpec {
+        model: LensModel::OpenCv,
+        size: Size::new(size[0], size[1]),
+        params: vec![focal, focal * 1.01, 0.5 * w + 3.0, 0.5 * h - 5.0, -0.08, 0.02, 1e-3, -5e-4],
+    }
+}
+
+fn around(count: i32) -> impl Iterator<Item = (String, f64, f64)> {
+    (0..count).map(move |k| {
+        let angle = 2.0 * PI * f64::from(k) / f64::from(count);
+        (format!("{k}.png"), angle, if k % 2 == 0 { 0.25 } else { -0.25 })
+    })
+}
+
+fn from_outside(placement: &Placement) -> Vec<Shot> {
+    let shot = |(name, angle, y): (String, f64, f64)| {
+        let ends = [DVec3::new(2.9 * angle.sin(), y, 2.9 * angle.cos()), DVec3::ZERO];
+        Shot::towards(&name, &lens(430.0, [400, 320]), placement, ends, 0.02)
+    };
+    around(10).map(shot).collect()
+}
+
+fn from_inside(placement: &Placement) -> Vec<Shot> {
+    let shot = |(name, angle, y): (String, f64, f64)| {
+        let towards = DVec3::new(angle.sin(), 0.0, angle.cos());
+        let ends = [towards * -0.3 + DVec3::Y * y, towards + DVec3::Y * (0.2 * y)];
+        Shot::towards(&name, &lens(260.0, [360, 360]), placement, ends, -0.05)
+    };
+    around(12).map(shot).collect()
+}
+
+/// A pixel's line: from a point along a direction.
+type Line = (DVec3, DVec3);
+
+/// What lines should meet: T. Möller, B. Trumbore (1997), "Fast, minimum storage ray/triangle intersection", over all
+/// faces; parameter along the line, which of the faces.
+fn meets(faces: &[[DVec3; 3]], (origin, direction): Line) -> Vec<(f64, usize)> {
+    let meet = |(k, [a, b, c]): (usize, &[DVec3; 3])| {
+        let (ab, ac) = (*b - *a, *c - *a);
+        let p = direction.cross(ac);
+        let det = ab.dot(p);
+        let s = origin - *a;
+        let u = s.dot(p) / det;
+        let q = s.cross(ab);
+        let v = direction.dot(q) / det;
+        let inside = u >= -1e-12 && v >= -1e-12 && u + v <= 1.0 + 1e-12;
+        let t = ac.dot(q) / det;
+        (det.abs() > 1e-14 && inside && t > 0.0).then_some((t, k))
+    };
+    faces.iter().enumerate().filter_map(meet).collect()
+}
+
+fn render(test: &TestScene, mosaic: &Mosaic, tolerance: Tolerance) -> OrthoTile {
+    let folder = tempfile::tempdir().unwrap();
+    job::write_files(test, folder.path());
+    let cameras: CameraSet = test.photos().unwrap();
+    let mut scene = job::open(test, folder.path(), &cameras);
+    scene.mosaic = mosaic.local(scene.mesh.origin());
+    scene.tolerance = tolerance;
+    Renderer::new(&scene, BLOCK_BYTES).tile(mosaic.size.rect()).unwrap()
+}
+
+/// How a tile differs from the truth.
+#[derive(Debug, Default)]
+struct Judgement {
+    pixels: u32,
+    /// Another face, a face too many or too few, or an elevation off by more than a thousandth of a pixel.
+    wrong: u32,
+    /// Pixels that some photo sees.
+    seen: u32,
+    /// Mean squared difference of colours, 0 to 255, of those.
+    error: f64,
+    /// The same, if the picture were shifted by half a pixel along the columns.
+    shifted: f64,
+}
+
+impl Judgement {
+    fn psnr_db(error: f64) -> f64 {
+        10.0 * (255.0 * 255.0 / error).log10()
+    }
+}
+
+/// Compares `tile` with the truth: `line` of a place in the mosaic; `elevation` of a parameter; the line's last meeting
+/// counts if `farthest`, else its first. `room` of an elevation, metres.
+fn judge(
+    test: &TestScene,
+    tile: &OrthoTile,
+    line: impl Fn(DVec2) -> Line,
+    elevation: impl Fn(f64) -> f64,
+    farthest: bool,
+    room: impl Fn(f64) -> f64,
+) -> Judgement {
+    let (width, height) = (tile.rect.width(), tile.rect.height());
+    let Samples::U8(colours) = &tile.colour else { panic!("8 bits") };
+    let shown = |at: DVec2| {
+        let line = line(at);
+        let mut hits = meets(&test.triangles, line);
+        hits.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let shown = if farthest { hits.last() } else { hits.first() };
+        shown.map(|&(t, face)| (t, face, line.0 + line.1 * t))
+    };
+    let colour = |at: DVec2| {
+        let (_, face, point) = shown(at)?;
+        let point = test.placement.scene_from_ground(point);
+        Some(test.texture.colour(point, test.parts[face]).map(|c| c * 255.0))
+    };
+    let mut found = Judgement::default();
+    for k in 0..width * height {
+        let at = DVec2::new((k % width) as f64 + 0.5, (k / width) as f64 + 0.5);
+        let face = tile.face.data()[k];
+        found.pixels += 1;
+        let Some((t, expected, _)) = shown(at) else {
+            found.wrong += u32::from(face != u32::MAX);
+            continue;
+        };
+        let (claimed, due) = (f64::from(tile.elevation.data()[k]), elevation(t));
+        // The layer holds f32; on a shared edge either face may stand.
+        let is_near = (claimed - due).abs() <= room(due) + due.abs() * f64::from(f32::EPSILON);
+        let is_face = face as usize == expected
+            || meets(&test.triangles, line(at))
+                .iter()
+                .any(|&(other, k)| k == face as usize && (other - t).abs() < ROOM);
+        found.wrong += u32::from(!(is_near && is_face));
+        if tile.count.data()[k] == 0 {
+            continue;
+        }
+        let (Some(due), Some(beside)) = (colour(at), colour(at + DVec2::new(0.5, 0.0))) else {
+            continue;
+        };
+        found.seen += 1;
+        let pixel = colours.pixel(k % width, k / width);
+        for c in 0..3 {
+            found.error += (f64::from(pixel[c]) - due[c]).powi(2) / 3.0;
+            found.shifted += (f64::from(pixel[c]) - beside[c]).powi(2) / 3.0;
+        }
+    }
+    found.error /= f64::from(found.seen);
+    found.shifted /= f64::from(found.seen);
+    found
+}
+
+fn assert_right(found: &Judgement) {
+    assert_eq!(found.wrong, 0, "{found:?}");
+    let (psnr, shifted) = (Judgement::psnr_db(found.error), Judgement::psnr_db(found.shifted));
+    assert!(psnr > 33.0 && psnr > shifted + 3.0, "{psnr} dB, {shifted} dB shifted: {found:?}");
+}
+
+/// The development of the tower, all around.
+fn development(facing: Facing, zero_turn: f64) -> Judgement {
+    let outside = facing == Facing::Outside;
+    let test = test_scene(if outside { from_outside } else { from_inside });
+    let p = test.placement;
+    let axis = p.direction(DVec3::Y).normalize();
+    let (z, x) = (p.direction(DVec3::Z).normalize(), p.direction(DVec3::X).normalize());
+    let zero = z * zero_turn.cos() + x * zero_turn.sin();
+    let across = axis.cross(zero);
+    let origin = p.ground_from_scene(DVec3::ZERO);
+    let radius = 1.03;
+    let sense = if outside { 1.0 } else { -1.0 };
+    let cylinder = Cylinder {
+        origin,
+        axis,
+        zero,
+        radius,
+        facing,
+        pixel_size: Some(PIXEL),
+        extent: None,
+        elevation: None,
+    };
+    let extent = [-PI * radius, -0.66, PI * radius, 0.66];
+    let mosaic = Mosaic::new(cylinder, PIXEL, extent, ALL).unwrap();
+    let tile = render(&test, &mosaic, Tolerance::Fixed(0.02 * PIXEL));
+    let line = |at: DVec2| {
+        let angle = sense * (extent[0] + at.x * PIXEL) / radius;
+        let v = extent[3] - at.y * PIXEL;
+        (origin + axis * v, zero * angle.cos() + across * angle.sin())
+    };
+    let elevation = |t: f64| sense * (t - radius);
+    judge(&test, &tile, line, elevation, outside, |_| 1e-3 * PIXEL)
+}
+
+#[test]
+fn a_tower_is_developed_from_outside() {
+    let found = development(Facing::Outside, 0.3);
+    assert_right(&found);
+    assert!(f64::from(found.seen) > 0.85 * f64::from(found.pixels), "{found:?}");
+}
+
+#[test]
+fn a_drum_is_developed_from_inside_and_is_not_mirrored() {
+    let found = development(Facing::Inside, 2.9);
+    assert_right(&found);
+    assert!(f64::from(found.seen) > 0.85 * f64::from(found.pixels), "{found:?}");
+}
+
+#[test]
+fn a_perspective_view_through_a_distorting_lens_is_what_the_lens_would_see() {
+    let test = test_scene(from_outside);
+    // A camera of its own, between two of the photos.
+    let ends = [DVec3::new(0.9, 0.1, 2.4), DVec3::new(0.1, 0.05, 0.0)];
+    let shot = Shot::towards("own.png", &lens(210.0, [200, 150]), &test.placement, ends, 0.1);
+    let photo = shot.photo(PhotoId(99)).unwrap();
+    let (lens, pose) = (photo.lens, photo.pose);
+    let stated = Orientation::OfPhoto { name: "own.png".into(), distorted: true };
+    let mosaic = Mosaic::perspective(CentralView { stated, lens, pose }, ALL).unwrap();
+    let part = 0.02 / 210.0;
+    let tile = render(&test, &mosaic, Tolerance::OfDepth(part));
+    let back: DMat3 = pose.rotation.transpose();
+    let line = |at: DVec2| {
+        let ray = lens.ray_from_photo(at).unwrap();
+        (pose.centre_ground, back * ray.extend(1.0))
+    };
+    let found = judge(&test, &tile, line, |t| t, false, |depth| 1e-3 * depth / 210.0);
+    assert_right(&found);
+    assert!(f64::from(found.seen) > 0.4 * f64::from(found.pixels), "{found:?}");
+}
