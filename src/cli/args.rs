@@ -8,6 +8,7 @@ use clap::{Arg, ArgAction, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::settings::{BlendRule, Interpolation, Outliers, View, Weights};
 use super::values;
+use crate::input::{AngleUnit, CameraFormat, CameraOptions, TableLens};
 use crate::output::{Compression, Meaning};
 
 /// Parsers of a path and of a pattern, which may be any text of the system.
@@ -113,7 +114,51 @@ pub enum Command {
     Info {
         /// A file or a folder
         path: PathBuf,
+        /// Of cameras: whether they look at this mesh
+        #[arg(long, value_name = "FILE", value_parser = path!())]
+        mesh: Option<PathBuf>,
+        /// Of cameras: folder of the photos, for formats that do not state their sizes
+        #[arg(long, value_name = "DIR", value_parser = path!())]
+        photos: Option<PathBuf>,
+        /// How cameras are to be read
+        #[command(flatten)]
+        camera: CameraArgs,
     },
+}
+
+/// The flags that say how cameras are to be read.
+#[derive(Clone, Debug, Default, PartialEq, clap::Args)]
+pub struct CameraArgs {
+    /// Format of the cameras: colmap, table, bundler, opensfm, openmvg, alicevision [default: by content]
+    #[arg(long, value_name = "NAME", help_heading = "Input", value_parser = values::camera_format)]
+    pub camera_format: Option<CameraFormat>,
+    /// Unit of the angles of a plain table, required there: deg, gon or rad
+    #[arg(long, value_name = "UNIT", help_heading = "Input", value_parser = values::angle_unit)]
+    pub angle_unit: Option<AngleUnit>,
+    /// Photo pixel of a plain table in millimetres, whose c, x0, y0 are in millimetres [default: in pixels]
+    #[arg(long, value_name = "MM", help_heading = "Input", value_parser = values::positive)]
+    pub pixel_pitch: Option<f64>,
+    /// Lens of a plain table: opencv, or classical with k1 in px⁻² (mm⁻²) [default: opencv]
+    #[arg(long, value_name = "NAME", help_heading = "Input", value_parser = values::table_lens)]
+    pub lens: Option<TableLens>,
+    /// Bundler's list of images [default: list.txt beside the cameras]
+    #[arg(long, value_name = "FILE", help_heading = "Input", value_parser = path!())]
+    pub image_list: Option<PathBuf>,
+}
+
+impl CameraArgs {
+    /// What the reader of cameras is told.
+    pub(super) fn options(&self, photos: Option<PathBuf>, force: bool) -> CameraOptions {
+        CameraOptions {
+            format: self.camera_format,
+            angle_unit: self.angle_unit,
+            pixel_pitch_mm: self.pixel_pitch,
+            lens: self.lens.unwrap_or_default(),
+            image_list: self.image_list.clone(),
+            photos,
+            force,
+        }
+    }
 }
 
 /// The flags of `groundel demo`.
@@ -161,9 +206,12 @@ pub struct OrthoArgs {
     /// Added to every vertex of every mesh, metres: from reduced coordinates to the ground [default: 0,0,0]
     #[arg(long, value_name = "X,Y,Z", help_heading = "Input", value_parser = values::shift)]
     pub shift: Option<[f64; 3]>,
-    /// Orientations of the photos: a COLMAP model folder, binary or text
+    /// Orientations of the photos: a COLMAP model folder, or the file of another tool (--camera-format)
     #[arg(long, value_name = "PATH", help_heading = "Input", value_parser = path!())]
     pub cameras: Option<PathBuf>,
+    /// How the cameras are to be read
+    #[command(flatten)]
+    pub camera: CameraArgs,
     /// Folder in which the photos lie under the names of the camera set
     #[arg(long, value_name = "DIR", help_heading = "Input", value_parser = path!())]
     pub photos: Option<PathBuf>,
@@ -198,7 +246,7 @@ pub struct OrthoArgs {
     /// Projected coordinate system in metres, EPSG:n [default: the frame's, else a local one]
     #[arg(long, value_name = "EPSG:n", help_heading = "Frame", value_parser = values::crs)]
     pub crs: Option<String>,
-    /// Allow a mosaic of more than 10 times the photos' pixels
+    /// Allow a mosaic of more than 10 times the photos' pixels, and cameras that miss their own tie points
     #[arg(long, help_heading = "Frame")]
     pub force: bool,
 

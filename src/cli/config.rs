@@ -13,6 +13,7 @@ use super::project;
 use super::settings::{BlendRule, Interpolation, Outliers, Weights};
 use super::values::LEAST_MEMORY_BYTES;
 use crate::frame::FrameSpec;
+use crate::input::{AngleUnit, CameraFormat, CameraOptions};
 use crate::output::{Compression, Meaning};
 use crate::report::physical_bytes;
 use crate::{Error, Result};
@@ -33,6 +34,8 @@ pub struct Config {
     pub shift: [f64; 3],
     /// The camera set.
     pub cameras: PathBuf,
+    /// How the camera set is to be read.
+    pub camera_options: CameraOptions,
     /// The folder of the photos.
     pub photos: PathBuf,
     /// Which of the photos to use.
@@ -91,6 +94,7 @@ impl Config {
         }
         Ok(Self {
             cameras: needed(args.cameras.clone(), "cameras")?,
+            camera_options: args.camera.options(args.photos.clone(), args.force),
             photos: needed(args.photos.clone(), "photos")?,
             frame: frame_choice::frame(&args, frame)?,
             meshes: args.mesh,
@@ -143,6 +147,10 @@ impl Config {
         let layers: Vec<_> = self.layers.iter().map(|layer| layer.name()).collect();
         let settings = [
             ("shift", json!(self.shift)),
+            ("camera_format", json!(self.camera_options.format.map(CameraFormat::word))),
+            ("angle_unit", json!(self.camera_options.angle_unit.map(AngleUnit::word))),
+            ("pixel_pitch", json!(self.camera_options.pixel_pitch_mm)),
+            ("lens", json!(self.camera_options.lens.word())),
             ("include", json!(self.choice.include)),
             ("exclude", json!(self.choice.exclude)),
             ("masks", json!(self.masks.as_ref().map(|path| path.display().to_string()))),

@@ -20,7 +20,7 @@ mod run;
 mod settings;
 mod values;
 
-pub use args::{Args, Command, DemoArgs, OrthoArgs};
+pub use args::{Args, CameraArgs, Command, DemoArgs, OrthoArgs};
 pub use choice::PhotoChoice;
 pub use config::Config;
 pub use ortho::ExitStatus;

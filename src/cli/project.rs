@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
-use super::args::OrthoArgs;
+use super::args::{CameraArgs, OrthoArgs};
 use super::settings;
 use super::values;
 use crate::frame::FrameSpec;
@@ -36,6 +36,21 @@ fn checked(path: &Path, project: Project) -> Result<OrthoArgs> {
         mesh: project.mesh,
         shift: keys.check("shift", project.shift, values::check_shift)?,
         cameras: project.cameras,
+        camera: CameraArgs {
+            camera_format: keys.check(
+                "camera_format",
+                project.camera_format.as_deref(),
+                values::camera_format,
+            )?,
+            angle_unit: keys.check(
+                "angle_unit",
+                project.angle_unit.as_deref(),
+                values::angle_unit,
+            )?,
+            pixel_pitch: keys.check("pixel_pitch", project.pixel_pitch, values::check_positive)?,
+            lens: keys.check("lens", project.lens.as_deref(), values::table_lens)?,
+            image_list: project.image_list,
+        },
         photos: project.photos,
         include: project.include,
         exclude: project.exclude,
@@ -105,6 +120,7 @@ fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
         mesh: either(flags.mesh, below.mesh),
         shift: flags.shift.or(below.shift),
         cameras: flags.cameras.or(below.cameras),
+        camera: camera_over(flags.camera, below.camera),
         photos: flags.photos.or(below.photos),
         include: either(flags.include, below.include),
         exclude: either(flags.exclude, below.exclude),
@@ -133,6 +149,16 @@ fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
         threads: flags.threads.or(below.threads),
         work: flags.work.or(below.work),
         quiet: flags.quiet || below.quiet,
+    }
+}
+
+fn camera_over(flags: CameraArgs, below: CameraArgs) -> CameraArgs {
+    CameraArgs {
+        camera_format: flags.camera_format.or(below.camera_format),
+        angle_unit: flags.angle_unit.or(below.angle_unit),
+        pixel_pitch: flags.pixel_pitch.or(below.pixel_pitch),
+        lens: flags.lens.or(below.lens),
+        image_list: flags.image_list.or(below.image_list),
     }
 }
 
@@ -198,6 +224,10 @@ mod tests {
             ("crs = \"32634\"", "crs", "EPSG:"),
             ("up = [0, 0, 0]", "up", "direction"),
             ("shift = [0, nan, 0]", "shift", "finite"),
+            ("camera_format = \"COLMAP\"", "camera_format", "colmap, table"),
+            ("angle_unit = \"grad\"", "angle_unit", "deg, gon, rad"),
+            ("pixel_pitch = 0.0", "pixel_pitch", "greater than 0"),
+            ("lens = \"brown\"", "lens", "opencv, classical"),
         ] {
             let error = merge(OrthoArgs::default(), text).unwrap_err();
             let message = error.to_string();

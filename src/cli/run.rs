@@ -40,8 +40,10 @@ fn dispatch(command: Command) -> Result<ExitStatus> {
     match command {
         Command::Ortho(args) => ortho::run(&Config::build(*args)?),
         Command::Demo(args) => demo::run(&args),
-        Command::Info { path } => {
-            console::answer(&info::describe(&path)?);
+        Command::Info { path, mesh, photos, camera } => {
+            // What contradicts itself is described, not refused.
+            let options = camera.options(photos, true);
+            console::answer(&info::describe(&path, mesh.as_deref(), &options)?);
             Ok(ExitStatus::Done)
         }
         Command::Plan { job, .. } => later("plan", &job),

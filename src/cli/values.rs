@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use crate::input::{AngleUnit, CameraFormat, TableLens};
 use crate::output::{Compression, Meaning};
 
 /// Least memory cap, bytes: 256 MiB.
@@ -117,6 +118,24 @@ pub(super) fn colour(text: &str) -> Parsed<[u16; 3]> {
         text.split(',').map(|part| part.trim().parse::<u16>().ok()).collect();
     let three = parts.and_then(|parts| <[u16; 3]>::try_from(parts).ok());
     three.ok_or_else(|| "expected three whole numbers R,G,B from 0 to 255 (16 bit: 65535)".into())
+}
+
+/// The word of a format of cameras.
+pub(super) fn camera_format(text: &str) -> Parsed<CameraFormat> {
+    let words = CameraFormat::words().join(", ");
+    CameraFormat::from_word(text).ok_or_else(|| format!("expected one of {words}, found {text:?}"))
+}
+
+/// The word of a unit of angles.
+pub(super) fn angle_unit(text: &str) -> Parsed<AngleUnit> {
+    AngleUnit::from_word(text)
+        .ok_or_else(|| format!("expected one of deg, gon, rad, found {text:?}"))
+}
+
+/// The word of a table's lens.
+pub(super) fn table_lens(text: &str) -> Parsed<TableLens> {
+    TableLens::from_word(text)
+        .ok_or_else(|| format!("expected one of opencv, classical, found {text:?}"))
 }
 
 /// `EPSG:n`, kept as a text of that form.

@@ -1,10 +1,11 @@
 //! Foreign formats, checked at the door and streamed.
 //!
-//! In: files of other tools and of the user: meshes (PLY, OBJ, STL, XYZ triplets, glTF), COLMAP's camera models, frame
+//! In: files of other tools and of the user: meshes (PLY, OBJ, STL, XYZ triplets, glTF), cameras of many tools, frame
 //! files, project files. Out: the crate's own types, every number checked. Nothing read from a file is used before a limit has seen it; memory never grows with
 //! a file's size, only with what is kept of it. Errors name the file, the line or byte, what was expected and what was
 //! found. Nothing here decides what to do with an input.
 
+mod bundler;
 mod byte_reader;
 mod cameras;
 mod colmap;
@@ -20,11 +21,15 @@ mod project;
 mod reading;
 mod soup;
 mod stl;
+mod table;
 mod text;
 mod toml_file;
 mod xyz;
 
-pub use colmap::read_cameras;
+pub use cameras::{
+    AngleUnit, CameraFormat, CameraOptions, Cameras, MeshProof, Proof, Reading, TableLens,
+    is_camera_file, read_cameras,
+};
 pub use content::Compression;
 pub use glob::glob_matches;
 pub use mesh::{MeshFormat, MeshKind, mesh_format, open_mesh, shifted};

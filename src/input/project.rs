@@ -21,6 +21,16 @@ pub struct Project {
     pub shift: Option<[f64; 3]>,
     /// Camera file or folder.
     pub cameras: Option<PathBuf>,
+    /// Format of the cameras, as `--camera-format`.
+    pub camera_format: Option<String>,
+    /// `deg`, `gon` or `rad`.
+    pub angle_unit: Option<String>,
+    /// Millimetres.
+    pub pixel_pitch: Option<f64>,
+    /// `opencv` or `classical`.
+    pub lens: Option<String>,
+    /// Bundler's list of images.
+    pub image_list: Option<PathBuf>,
     /// Folder of the photos.
     pub photos: Option<PathBuf>,
     /// The table `[frame]`, checked.
@@ -87,6 +97,11 @@ struct ProjectTable {
     mesh: Vec<PathBuf>,
     shift: Option<[f64; 3]>,
     cameras: Option<PathBuf>,
+    camera_format: Option<String>,
+    angle_unit: Option<String>,
+    pixel_pitch: Option<f64>,
+    lens: Option<String>,
+    image_list: Option<PathBuf>,
     photos: Option<PathBuf>,
     frame: Option<FrameTable>,
     view: Option<String>,
@@ -146,6 +161,11 @@ impl ProjectTable {
             mesh: self.mesh.into_iter().map(|p| folder.join(p)).collect(),
             shift: self.shift,
             cameras: at(self.cameras),
+            camera_format: self.camera_format,
+            angle_unit: self.angle_unit,
+            pixel_pitch: self.pixel_pitch,
+            lens: self.lens,
+            image_list: at(self.image_list),
             photos: at(self.photos),
             frame,
             view: self.view,
@@ -197,6 +217,11 @@ mod tests {
 mesh = ["a.ply", "sub/b c.ply", "/abs/c.ply"]
 shift = [500000, 4200000.5, 0]
 cameras = "sparse"
+camera_format = "bundler"
+angle_unit = "gon"
+pixel_pitch = 0.005
+lens = "classical"
+image_list = "list.txt"
 photos = "../images"
 view = "top"
 up = [0, 0, 1]
@@ -240,6 +265,11 @@ v_axis = [0, 0, 1]
             mesh: p.mesh.clone(),
             shift: Some([500_000.0, 4_200_000.5, 0.0]),
             cameras: at("sparse"),
+            camera_format: some("bundler"),
+            angle_unit: some("gon"),
+            pixel_pitch: Some(0.005),
+            lens: some("classical"),
+            image_list: at("list.txt"),
             photos: at("../images"),
             frame: p.frame.clone(),
             view: some("top"),

@@ -210,7 +210,7 @@ mod tests {
     use super::*;
     use crate::frame::FrameSpec;
     use crate::geom::Size;
-    use crate::input::{Project, read_cameras};
+    use crate::input::{CameraOptions, Project, read_cameras};
     use crate::synthetic::{Random, photos, scenes};
 
     #[test]
@@ -220,7 +220,7 @@ mod tests {
             let path = folder.path().join(scene.name);
             write_colmap(&path, &scene.shots).unwrap();
             assert_eq!(
-                read_cameras(&path).unwrap(),
+                read_cameras(&path, &CameraOptions::default()).unwrap().set,
                 photos(&scene.shots).unwrap(),
                 "{}",
                 scene.name

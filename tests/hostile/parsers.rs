@@ -8,7 +8,7 @@ use groundel::geom::{PixelRect, TriangleChunk};
 use groundel::input::photo::{
     decode_mask, decode_photo, read_mask_header, read_photo_header, read_profile,
 };
-use groundel::input::{Project, open_mesh, read_cameras, read_frame};
+use groundel::input::{CameraOptions, Project, open_mesh, read_cameras, read_frame};
 use groundel::store::mesh::{MeshStore, PartitionBuffer};
 use groundel::store::photo::{
     Demand, PhotoSource, PhotoStore, Preparation, PreparedPhoto, Reading, prepare_photos,
@@ -57,9 +57,9 @@ pub(crate) fn mesh(path: &Path) -> Result<u64> {
 
 /// A folder of cameras.
 pub(crate) fn cameras(folder: &Path) -> Result<u64> {
-    let set = read_cameras(folder)?;
+    let cameras = read_cameras(folder, &CameraOptions::default())?;
     let mut digest = Digest::new();
-    digest.write(format!("{set:?}").as_bytes());
+    digest.write(format!("{cameras:?}").as_bytes());
     Ok(digest.finish())
 }
 

@@ -5,22 +5,28 @@ use std::io::Read;
 use std::path::Path;
 
 use super::{cameras, mesh, photo, settings, tiff};
-use crate::input::mesh_format;
+use crate::input::{CameraOptions, is_camera_file, mesh_format};
 use crate::{Error, Result};
 
 /// First bytes of a file that are enough to know it by.
 const HEAD_BYTES: u64 = 16;
 
 /// What `groundel info` can tell about.
-const KNOWN: &str = "known are COLMAP folders, PLY, OBJ, STL, XYZ triplets, glTF, JPEG, PNG, TIFF, mesh stores, frame and project files (.toml)";
+const KNOWN: &str = "known are COLMAP folders, camera files of other tools, PLY, OBJ, STL, XYZ triplets, glTF, JPEG, PNG, TIFF, mesh stores, frame and project files (.toml)";
 
-/// What is in the file or folder at `path`, a few lines, each ending in a newline.
+/// What is in the file or folder at `path`, a few lines, each ending in a newline. Cameras are read with `options`, and
+/// proven on the mesh, if one is named.
 ///
 /// # Errors
 /// [`Error::Unsupported`] for what groundel does not know, and what reading the file gives.
-pub(in crate::cli) fn describe(path: &Path) -> Result<String> {
-    if path.is_dir() {
-        return cameras::describe(path);
+pub(in crate::cli) fn describe(
+    path: &Path,
+    mesh_path: Option<&Path>,
+    options: &CameraOptions,
+) -> Result<String> {
+    let cameras = || cameras::describe(path, mesh_path, options);
+    if path.is_dir() || mesh_path.is_some() || options.format.is_some() {
+        return cameras();
     }
     match &head(path)?[..] {
         [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => tiff::describe(path),
@@ -30,6 +36,7 @@ pub(in crate::cli) fn describe(path: &Path) -> Result<String> {
             settings::describe(path)
         }
         _ if mesh_format(path)?.is_some() => mesh::describe(path),
+        _ if is_camera_file(path)? => cameras(),
         _ => Err(Error::Unsupported {
             path: path.to_path_buf(),
             what: "this kind of file".into(),

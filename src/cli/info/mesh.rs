@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::Result;
-use crate::geom::Bounds3;
+use crate::geom::{Bounds3, MeshSource};
 use crate::input::{mesh_format, open_mesh};
 use crate::store::mesh::MeshStore;
 
@@ -21,6 +21,29 @@ const RESIDENT_BYTES: u64 = 16 << 20;
 pub(super) fn describe(path: &Path) -> Result<String> {
     let mesh = open_mesh(path)?;
     let format = mesh_format(path)?.map(|format| format.to_string()).unwrap_or_default();
+    let (bounds, not_finite) = vertex_bounds(&*mesh)?;
+    let spacing_m = bounds.map_or(0.0, |(min, max)| mesh.spacing_m(&Bounds3 { min, max }));
+    let mut lines = vec![
+        format!("{}: mesh, {format}", path.display()),
+        format!("vertices: {}", mesh.vertex_count()),
+        format!("faces: {}", mesh.face_count()),
+    ];
+    lines.extend(bounds.map(|(min, max)| bounds_line(min, max)));
+    if spacing_m > 0.0 {
+        let spacing = spacing_m * 1000.0;
+        lines.push(format!("coordinates: 32-bit floats, {spacing:.3} mm apart at the greatest"));
+    }
+    if not_finite > 0 {
+        lines.push(format!("vertices not finite: {not_finite}"));
+    }
+    Ok(lines.join("\n") + "\n")
+}
+
+/// Bounds of the finite vertices, ground, and how many are not finite; reads all of them.
+///
+/// # Errors
+/// What reading the file gives.
+pub(super) fn vertex_bounds(mesh: &dyn MeshSource) -> Result<(Option<(DVec3, DVec3)>, u64)> {
     let mut stream = mesh.vertices()?;
     let mut chunk = Vec::new();
     let (mut bounds, mut not_finite) = (None, 0_u64);
@@ -38,21 +61,7 @@ pub(super) fn describe(path: &Path) -> Result<String> {
             }
         }
     }
-    let spacing_m = bounds.map_or(0.0, |(min, max)| mesh.spacing_m(&Bounds3 { min, max }));
-    let mut lines = vec![
-        format!("{}: mesh, {format}", path.display()),
-        format!("vertices: {}", mesh.vertex_count()),
-        format!("faces: {}", mesh.face_count()),
-    ];
-    lines.extend(bounds.map(|(min, max)| bounds_line(min, max)));
-    if spacing_m > 0.0 {
-        let spacing = spacing_m * 1000.0;
-        lines.push(format!("coordinates: 32-bit floats, {spacing:.3} mm apart at the greatest"));
-    }
-    if not_finite > 0 {
-        lines.push(format!("vertices not finite: {not_finite}"));
-    }
-    Ok(lines.join("\n") + "\n")
+    Ok((bounds, not_finite))
 }
 
 /// Counts, bounds and resolution of a mesh store.

@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::super::config::Config;
 use super::masks::{self, Mask};
 use crate::camera::{CameraSet, Photo};
-use crate::geom::MeshSource;
-use crate::input::{open_mesh, read_cameras, shifted};
+use crate::geom::{Bounds3, MeshSource};
+use crate::input::{CameraFormat, Cameras, MeshProof, Proof, open_mesh, read_cameras, shifted};
 use crate::report::LeftOut;
 use crate::{Error, Result};
 
@@ -17,6 +17,10 @@ use crate::{Error, Result};
 pub(super) struct Inputs {
     pub(super) meshes: Vec<Box<dyn MeshSource>>,
     pub(super) cameras: CameraSet,
+    /// The format that they came in.
+    pub(super) format: CameraFormat,
+    /// What their tie points say.
+    pub(super) proof: Option<Proof>,
     /// The photos to use, by id.
     pub(super) photos: Vec<Photo>,
     /// The masks of those that have one, by id.
@@ -31,8 +35,9 @@ impl Inputs {
         let shift = DVec3::from_array(config.shift);
         let open = |path: &PathBuf| Ok(shifted(open_mesh(path)?, shift));
         let meshes = config.meshes.iter().map(open).collect::<Result<_>>()?;
-        let cameras = read_cameras(&config.cameras)?;
         check_folder(&config.photos)?;
+        let Cameras { set: cameras, format, proof } =
+            read_cameras(&config.cameras, &config.camera_options)?;
         if let Some(pattern) = config.choice.idle_pattern(&cameras.names) {
             let message =
                 format!("no photo of {} is named like {pattern:?}", config.cameras.display());
@@ -50,7 +55,15 @@ impl Inputs {
             return Err(Error::usage(no_photo(config, &cameras, &left_out)));
         }
         let masks = masks::find(config, &photos)?;
-        Ok(Self { meshes, cameras, photos, masks, left_out })
+        Ok(Self { meshes, cameras, format, proof, photos, masks, left_out })
+    }
+
+    /// What the cameras' tie points and the bounds of the mesh, ground, say against the cameras.
+    pub(super) fn doubts(&self, config: &Config, bounds_ground: &Bounds3) -> Result<Vec<String>> {
+        let read = (&*config.cameras, self.format, &config.camera_options);
+        let by_mesh = MeshProof::of(read, &self.photos, bounds_ground)?;
+        let by_ties = self.proof.and_then(|proof| proof.warning());
+        Ok(by_ties.into_iter().chain(by_mesh.warnings()).collect())
     }
 }
 

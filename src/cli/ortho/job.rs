@@ -15,6 +15,7 @@ use super::stores::Stores;
 use crate::batch::Manifest;
 use crate::camera::Photo;
 use crate::frame::{Mosaic, MosaicFrame, frame_toml};
+use crate::geom::Bounds3;
 use crate::image::{Colour, Depth};
 use crate::output::{Georeference, IccProfile, Layer, Meaning, TileFormat, parse_crs};
 use crate::render::{self, Scene, ScenePhoto};
@@ -78,6 +79,9 @@ impl Job {
         let profile = common.profile.map(IccProfile::new);
         let manifest = manifest(config, inputs, &mosaic, &rendering, (profile, settings))?;
         let origin = mesh.origin();
+        let bounds = mesh.bounds();
+        let bounds_ground = Bounds3 { min: bounds.min + origin, max: bounds.max + origin };
+        warnings.extend(inputs.doubts(config, &bounds_ground)?);
         let scene = Scene {
             mosaic: mosaic.local(origin),
             photos: photos

@@ -13,6 +13,9 @@ pub(in crate::input) const MAX_PHOTOS: usize = 1_000_000;
 /// The longest name of a photo, bytes: the longest path of Linux.
 const MAX_NAME: usize = 4096;
 
+/// The most tie points of a sample.
+pub(in crate::input) const MOST_TIES: usize = 20_000;
+
 /// A photo as a parser found it.
 #[derive(Debug, Clone)]
 pub(in crate::input) struct DraftPhoto {

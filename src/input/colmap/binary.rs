@@ -3,26 +3,38 @@
 //! ```text
 //! cameras.bin  u64 count, then per camera: u32 id, i32 model, u64 width, u64 height, f64 × parameters of the model
 //! images.bin   u64 count, then per photo: u32 id, f64 × 4 quaternion, f64 × 3 translation, u32 camera, name, byte 0,
-//!              u64 count of keypoints, then per keypoint: f64 x, f64 y, u64 point id
+//!              u64 count of keypoints, then per keypoint: f64 x, f64 y, u64 point id, all bits set without one
+//! points3D.bin u64 count, then per point: u64 id, f64 × 3 position, u8 × 3 colour, f64 error,
+//!              u64 length of the track, then per element: u32 photo, u32 keypoint
 //! ```
 
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read as _};
 use std::path::Path;
 
-use super::model::{CameraRecord, ImageRecord, MAX_NAME, Model, limit};
-use crate::camera::{CameraSet, LensModel};
+use glam::{DVec2, DVec3};
+
+use super::model::{CameraRecord, ImageRecord, Keypoint, MAX_NAME, Model, WantedPoints, limit};
+use crate::camera::LensModel;
+use crate::input::cameras::Draft;
 use crate::{Error, Result};
 
 /// Bytes of a keypoint.
 const KEYPOINT: u64 = 24;
+/// Bytes of an element of a track.
+const TRACK_ELEMENT: u64 = 8;
 
-/// Reads both files.
-pub(super) fn read(cameras: &Path, images: &Path) -> Result<CameraSet> {
+/// Reads the files.
+pub(super) fn read(cameras: &Path, images: &Path, points: Option<&Path>) -> Result<Draft> {
     let mut model = Model::new(cameras, images);
     read_cameras(cameras, &mut model)?;
     read_images(images, &mut model)?;
-    model.finish()
+    let (mut draft, mut wanted) = model.finish()?;
+    if let Some(points) = points.filter(|_| !wanted.is_empty()) {
+        read_points(points, &mut wanted)?;
+    }
+    draft.ties = wanted.into_ties();
+    Ok(draft)
 }
 
 fn read_cameras(path: &Path, model: &mut Model) -> Result<()> {
@@ -74,7 +86,34 @@ fn read_images(path: &Path, model: &mut Model) -> Result<()> {
             ImageRecord { quaternion: [qw, qx, qy, qz], translation: [tx, ty, tz], camera, name };
         model.add_image(place, &record)?;
         let keypoints = file.u64("the number of keypoints")?;
-        file.skip(keypoints, KEYPOINT, "keypoints")?;
+        file.expect_room(keypoints, KEYPOINT, "keypoints")?;
+        for _ in 0..keypoints {
+            let [x, y, point] = [0; 3].map(|_: u8| file.bytes::<8>("a keypoint"));
+            let (x, y, point) = (x?, y?, u64::from_le_bytes(point?));
+            if point != u64::MAX {
+                model.add_keypoint(|| Keypoint {
+                    position_px: DVec2::new(f64::from_le_bytes(x), f64::from_le_bytes(y)),
+                    point,
+                });
+            }
+        }
+    }
+    file.expect_end()
+}
+
+fn read_points(path: &Path, wanted: &mut WantedPoints) -> Result<()> {
+    let mut file = Reader::open(path)?;
+    let count = file.u64("the number of points")?;
+    for _ in 0..count {
+        let id = file.u64("a point id")?;
+        let mut position = [0.0; 3];
+        for value in &mut position {
+            *value = file.f64("a position")?;
+        }
+        wanted.add(id, DVec3::from(position));
+        file.bytes::<11>("colour and error of a point")?;
+        let track = file.u64("the length of a track")?;
+        file.skip(track, TRACK_ELEMENT, "elements of a track")?;
     }
     file.expect_end()
 }
@@ -146,14 +185,19 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Passes over `count` items of `size` bytes, all of which the file must hold.
-    fn skip(&mut self, count: u64, size: u64, what: &str) -> Result<()> {
+    /// The bytes of `count` items of `size` bytes, all of which the file must hold.
+    fn expect_room(&self, count: u64, size: u64, what: &str) -> Result<(u64, i64)> {
         let left = self.len.saturating_sub(self.offset);
         let bytes = count.checked_mul(size).filter(|&bytes| bytes <= left);
-        let Some((bytes, step)) = bytes.and_then(|b| Some((b, i64::try_from(b).ok()?))) else {
+        bytes.and_then(|b| Some((b, i64::try_from(b).ok()?))).ok_or_else(|| {
             let found = format!("{left} bytes to the end of the file");
-            return Err(self.corrupt(&format!("{count} {what} of {size} bytes"), found));
-        };
+            self.corrupt(&format!("{count} {what} of {size} bytes"), found)
+        })
+    }
+
+    /// Passes over `count` items of `size` bytes.
+    fn skip(&mut self, count: u64, size: u64, what: &str) -> Result<()> {
+        let (bytes, step) = self.expect_room(count, size, what)?;
         self.inner.seek_relative(step).map_err(|e| Error::io(self.path, e))?;
         self.offset += bytes;
         Ok(())

@@ -1,13 +1,13 @@
-//! [`Model`]: cameras and photos as read from either form, checked and put in order.
+//! [`Model`]: cameras, photos and tie points as read from either form, checked.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
-use crate::camera::{CameraSet, LeftOut, Lens, LensError, LensModel, Photo, PhotoId, Pose};
+use crate::camera::{Lens, LensError, LensModel, Pose};
 use crate::geom::Size;
-use crate::input::cameras::name_fault;
+use crate::input::cameras::{Draft, DraftPhoto, MOST_TIES, Thinned, Tie, name_fault};
 use crate::{Error, Result};
 
 /// The most photos or cameras of one model: each photo costs about half a kilobyte.
@@ -24,6 +24,25 @@ pub(super) struct Model<'a> {
     /// By COLMAP's id: the lens, or why there is none.
     cameras: BTreeMap<u32, std::result::Result<Lens, LensModel>>,
     images: Vec<(String, Image)>,
+    /// A sample of the keypoints that have a point.
+    keypoints: Thinned<(usize, Keypoint)>,
+}
+
+/// Where a photo saw a point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Keypoint {
+    pub(super) position_px: DVec2,
+    /// COLMAP's id of the point.
+    pub(super) point: u64,
+}
+
+/// Points that some keypoints wait for.
+#[derive(Debug)]
+pub(super) struct WantedPoints {
+    /// The photo, by its number in the file, and the keypoint; by point id.
+    keypoints: Vec<(usize, Keypoint)>,
+    /// The points found so far, by id.
+    ties: Vec<Tie>,
 }
 
 /// A camera as it stands in the file.
@@ -53,7 +72,8 @@ struct Image {
 
 impl<'a> Model<'a> {
     pub(super) fn new(cameras_path: &'a Path, images_path: &'a Path) -> Self {
-        Self { cameras_path, images_path, cameras: BTreeMap::new(), images: Vec::new() }
+        let (cameras, images) = (BTreeMap::new(), Vec::new());
+        Self { cameras_path, images_path, cameras, images, keypoints: Thinned::new(MOST_TIES) }
     }
 
     /// Adds a camera that stands at `place` of its file.
@@ -95,36 +115,71 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    /// The photos in the order of their names, with their lenses.
-    pub(super) fn finish(self) -> Result<CameraSet> {
-        let Self { cameras_path, images_path, cameras, mut images } = self;
-        images.sort_by(|a, b| a.0.cmp(&b.0));
-        let mut set = CameraSet::default();
-        for (name, image) in images {
-            let corrupt = |expected: String, found: String| {
-                Err(Error::corrupt(images_path, image.place.clone(), expected, found))
-            };
-            if set.names.last() == Some(&name) {
-                return corrupt("a photo name of its own".into(), format!("{name:?} once more"));
-            }
-            let number = u32::try_from(set.names.len()).expect("a million at most");
-            let id = PhotoId(number);
-            match cameras.get(&image.camera) {
-                Some(&Ok(lens)) => {
-                    set.photos.push(Photo { id, name: name.clone(), lens, pose: image.pose });
-                }
-                Some(Err(model)) => {
-                    let reason = format!("camera model {} is not supported", model.name());
-                    set.left_out.push(LeftOut { id, name: name.clone(), reason });
-                }
+    /// Offers a keypoint of the photo that was added last.
+    pub(super) fn add_keypoint(&mut self, make: impl FnOnce() -> Keypoint) {
+        let photo = self.images.len().saturating_sub(1);
+        self.keypoints.offer(|| (photo, make()));
+    }
+
+    /// The photos with their lenses, and the keypoints that wait for their points.
+    pub(super) fn finish(self) -> Result<(Draft, WantedPoints)> {
+        let Self { cameras_path, images_path, cameras, images, keypoints } = self;
+        check_names(images_path, &images)?;
+        let mut draft = Draft::default();
+        for (name, Image { pose, camera, place }) in images {
+            let orientation = match cameras.get(&camera) {
+                Some(&Ok(lens)) => Ok((lens, pose)),
+                Some(Err(model)) => Err(format!("camera model {} is not supported", model.name())),
                 None => {
                     let expected = format!("the id of a camera in {}", cameras_path.display());
-                    return corrupt(expected, format!("{} for photo {name:?}", image.camera));
+                    let found = format!("{camera} for photo {name:?}");
+                    return Err(Error::corrupt(images_path, place, expected, found));
                 }
-            }
-            set.names.push(name);
+            };
+            draft.photos.push(DraftPhoto { name, place, orientation });
         }
-        Ok(set)
+        let mut keypoints = keypoints.into_items();
+        keypoints.sort_by_key(|(_, keypoint)| keypoint.point);
+        Ok((draft, WantedPoints { keypoints, ties: Vec::new() }))
+    }
+}
+
+impl WantedPoints {
+    /// Whether no point is wanted.
+    pub(super) fn is_empty(&self) -> bool {
+        self.keypoints.is_empty()
+    }
+
+    /// Takes a point, if it is wanted.
+    pub(super) fn add(&mut self, id: u64, point_ground: DVec3) {
+        let first = self.keypoints.partition_point(|(_, keypoint)| keypoint.point < id);
+        let of_point = self.keypoints[first..].iter().take_while(|(_, k)| k.point == id);
+        self.ties.extend(of_point.map(|&(photo, keypoint)| Tie {
+            photo,
+            position_px: keypoint.position_px,
+            point_ground,
+        }));
+        // A damaged file that repeats its points gives no more ties than keypoints.
+        self.ties.truncate(self.keypoints.len());
+    }
+
+    /// The tie points.
+    pub(super) fn into_ties(self) -> Vec<Tie> {
+        self.ties
+    }
+}
+
+/// An error at the later of two photos of one name.
+fn check_names(path: &Path, images: &[(String, Image)]) -> Result<()> {
+    let mut sorted: Vec<&(String, Image)> = images.iter().collect();
+    sorted.sort_by(|a, b| a.0.cmp(&b.0));
+    match sorted.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        Some(pair) => {
+            let (name, image) = pair[1];
+            let found = format!("{name:?} once more");
+            Err(Error::corrupt(path, image.place.clone(), "a photo name of its own", found))
+        }
+        None => Ok(()),
     }
 }
 

@@ -5,12 +5,16 @@ use std::path::Path;
 
 use glam::DVec2;
 
-use super::read_cameras;
 use crate::camera::{CameraSet, LensModel, PhotoId};
+use crate::input::CameraOptions;
 use crate::{Error, Result};
 
 const CAMERAS: &str = "# Camera list\n7 PINHOLE 4 3 5 5.5 2 1.5\n\n3000000000 OPENCV 40 30 50 51 20 15 -0.1 0.01 0.001 -0.002\n";
 const IMAGES: &str = "# Image list\n# two lines each\n9 1 0 0 0 0 0 5 7 b/a photo.jpg\n1.5 2.5 -1 3 4 17\n2 0.5 0.5 0.5 0.5 1 2 3 3000000000 a.jpg\n\n1000 2 0 0 0 1 2 3 7 B.jpg\n";
+
+fn read_cameras(path: impl AsRef<Path>) -> Result<CameraSet> {
+    Ok(crate::input::read_cameras(path, &CameraOptions::default())?.set)
+}
 
 fn text(cameras: &str, images: &str) -> Result<CameraSet> {
     files("txt", cameras.as_bytes(), images.as_bytes())

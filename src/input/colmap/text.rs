@@ -1,4 +1,4 @@
-//! The text form: `cameras.txt` and `images.txt`.
+//! The text form: `cameras.txt`, `images.txt` and `points3D.txt`.
 //!
 //! Numbers are separated by blanks, lines that begin with `#` and empty lines are passed over, with one exception: the
 //! line after a photo's holds its keypoints, and is *empty* where it has none. A photo's name is the rest of its line:
@@ -10,41 +10,28 @@ use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::str::FromStr;
 
-use super::model::{CameraRecord, ImageRecord, Model};
-use crate::camera::{CameraSet, LensModel};
+use glam::DVec3;
+
+use super::keypoints::Keypoints;
+use super::model::{CameraRecord, ImageRecord, Model, WantedPoints};
+use crate::camera::LensModel;
+use crate::input::cameras::Draft;
 use crate::{Error, Result};
 
 /// The longest line that is held, bytes; only keypoint lines, which are not, are longer.
 const MAX_LINE: usize = 1 << 16;
 
-/// What a byte may be in a line of keypoints.
-const ALIEN: u8 = 0;
-const BLANK: u8 = 1;
-const WORD: u8 = 2;
-
-/// Blanks; digits, signs, points, exponents, "nan" and "inf"; anything else is alien.
-const KEYPOINT_BYTES: [u8; 256] = {
-    let mut table = [ALIEN; 256];
-    let (blanks, words) = (*b" \t\r", *b"0123456789+-.eEnaif");
-    let mut i = 0;
-    while i < blanks.len() {
-        table[blanks[i] as usize] = BLANK;
-        i += 1;
-    }
-    i = 0;
-    while i < words.len() {
-        table[words[i] as usize] = WORD;
-        i += 1;
-    }
-    table
-};
-
-/// Reads both files.
-pub(super) fn read(cameras: &Path, images: &Path) -> Result<CameraSet> {
+/// Reads the files.
+pub(super) fn read(cameras: &Path, images: &Path, points: Option<&Path>) -> Result<Draft> {
     let mut model = Model::new(cameras, images);
     read_cameras(cameras, &mut model)?;
     read_images(images, &mut model)?;
-    model.finish()
+    let (mut draft, mut wanted) = model.finish()?;
+    if let Some(points) = points.filter(|_| !wanted.is_empty()) {
+        read_points(points, &mut wanted)?;
+    }
+    draft.ties = wanted.into_ties();
+    Ok(draft)
 }
 
 fn read_cameras(path: &Path, model: &mut Model) -> Result<()> {
@@ -85,7 +72,22 @@ fn read_images(path: &Path, model: &mut Model) -> Result<()> {
             name: words.rest,
         };
         model.add_image(lines.place(), &record)?;
-        lines.skip_keypoints()?;
+        lines.read_keypoints(model)?;
+    }
+    Ok(())
+}
+
+fn read_points(path: &Path, wanted: &mut WantedPoints) -> Result<()> {
+    let mut lines = Lines::open(path)?;
+    // Of long tracks only the beginning of the line is needed.
+    while lines.next_record_head()? {
+        let mut words = Words { lines: &lines, rest: lines.head()? };
+        let id = words.number("a point id")?;
+        let mut position = [0.0; 3];
+        for value in &mut position {
+            *value = words.number("a position")?;
+        }
+        wanted.add(id, DVec3::from(position));
     }
     Ok(())
 }
@@ -111,6 +113,15 @@ impl<'a> Words<'a> {
         let word = self.next(what)?;
         word.parse().ok().ok_or_else(|| self.lines.corrupt(what, format!("{word:?}")))
     }
+}
+
+/// How long a line may be.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum LineLength {
+    /// At most [`MAX_LINE`], but for comments.
+    Limited,
+    /// As long as it likes; what is beyond [`MAX_LINE`] is not held.
+    Any,
 }
 
 /// A text file read line by line, with bounded memory.
@@ -151,7 +162,25 @@ impl<'a> Lines<'a> {
 
     /// Goes to the next line that is neither empty nor a comment; `false` at the end.
     fn next_record(&mut self) -> Result<bool> {
-        while self.next_line()? {
+        self.next_record_of(LineLength::Limited)
+    }
+
+    /// As [`Self::next_record`], for lines of any length, of which only the beginning is held.
+    fn next_record_head(&mut self) -> Result<bool> {
+        self.next_record_of(LineLength::Any)
+    }
+
+    /// The first 512 bytes of the line as text, without a blank in front: more than the numbers that are looked for.
+    fn head(&self) -> Result<&str> {
+        let head = &self.line[..self.line.len().min(512)];
+        match std::str::from_utf8(head) {
+            Ok(text) => Ok(text.trim()),
+            Err(_) => Err(self.corrupt("numbers", "other bytes")),
+        }
+    }
+
+    fn next_record_of(&mut self, length: LineLength) -> Result<bool> {
+        while self.next_line(length)? {
             // A comment of any length and encoding is none of our business.
             let first = self.line.iter().find(|b| !b.is_ascii_whitespace());
             if first.is_some_and(|&b| b != b'#') {
@@ -162,7 +191,7 @@ impl<'a> Lines<'a> {
     }
 
     /// Reads a line; one that is longer than allowed is an error unless it is a comment. `false` at the end.
-    fn next_line(&mut self) -> Result<bool> {
+    fn next_line(&mut self, length: LineLength) -> Result<bool> {
         self.number += 1;
         self.line.clear();
         let mut is_end = true;
@@ -179,7 +208,8 @@ impl<'a> Lines<'a> {
             let is_cut = part.len() > room;
             let used = end.map_or(chunk.len(), |e| e + 1);
             self.inner.consume(used);
-            if is_cut && self.line.first() != Some(&b'#') {
+            let may_be_cut = length == LineLength::Any || self.line.first() == Some(&b'#');
+            if is_cut && !may_be_cut {
                 return Err(self.corrupt("a line of at most 65536 bytes", "a longer one"));
             }
             if end.is_some() {
@@ -188,38 +218,29 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// Passes over the line of a photo's keypoints, `X Y POINT3D_ID` each, or an empty line, or the end of the file.
-    fn skip_keypoints(&mut self) -> Result<()> {
+    /// Reads the line of a photo's keypoints, `X Y POINT3D_ID` each, or an empty line, or the end of the file.
+    fn read_keypoints(&mut self, model: &mut Model) -> Result<()> {
+        const EXPECTED: &str =
+            "keypoints (X Y POINT3D_ID each) or an empty line after a photo's line";
         self.number += 1;
-        let (mut words, mut in_word) = (0_u64, false);
+        let mut keypoints = Keypoints::new(model);
         loop {
             let chunk = self.inner.fill_buf().map_err(|e| Error::io(self.path, e))?;
             let end = chunk.iter().position(|&b| b == b'\n');
-            let part = &chunk[..end.unwrap_or(chunk.len())];
-            let mut alien = None;
-            for &byte in part {
-                let kind = KEYPOINT_BYTES[usize::from(byte)];
-                words += u64::from(kind == WORD && !in_word);
-                in_word = kind == WORD;
-                if kind == ALIEN {
-                    alien = Some(byte);
-                    break;
-                }
-            }
+            let taken = keypoints.take(&chunk[..end.unwrap_or(chunk.len())]);
             let is_last = end.is_some() || chunk.is_empty();
             let used = end.map_or(chunk.len(), |e| e + 1);
             self.inner.consume(used);
-            let expected = "keypoints (X Y POINT3D_ID each) or an empty line after a photo's line";
-            if let Some(byte) = alien {
-                let found = format!("{:?}", char::from(byte));
-                return Err(self.corrupt(expected, found));
-            }
-            if is_last && words % 3 != 0 {
-                return Err(self.corrupt(expected, format!("{words} numbers")));
+            if let Err(alien) = taken {
+                return Err(self.corrupt(EXPECTED, format!("{:?}", char::from(alien))));
             }
             if is_last {
-                return Ok(());
+                break;
             }
+        }
+        match keypoints.finish() {
+            words if words.is_multiple_of(3) => Ok(()),
+            words => Err(self.corrupt(EXPECTED, format!("{words} numbers"))),
         }
     }
 }
