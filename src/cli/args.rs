@@ -225,15 +225,19 @@ pub struct OrthoArgs {
     #[arg(long, value_name = "DIR", help_heading = "Input", value_parser = path!())]
     pub masks: Option<PathBuf>,
 
-    /// Frame file: what the mosaic is drawn on; or give --view
+    /// Frame file: what the mosaic is drawn on; or give --view or --plane-points
     #[arg(long, value_name = "FILE.toml", help_heading = "Frame", value_parser = path!())]
     pub frame: Option<PathBuf>,
-    /// Frame without a file: top looks down with u = x, v = y; fit comes with a later version
+    /// Frame without a file: top looks down with u = x, v = y; fit takes the upright plane that the photos look at
     #[arg(long, help_heading = "Frame", value_name = "NAME", value_enum, conflicts_with = "frame")]
     pub view: Option<View>,
-    /// Direction that is up in the mosaic, for --view fit
+    /// Direction that is up in the mosaic, for --view fit [default: 0,0,1]
     #[arg(long, value_name = "X,Y,Z", help_heading = "Frame", value_parser = values::direction)]
     pub up: Option<[f64; 3]>,
+    /// Frame without a file: the plane through three ground points, the origin, one along +u, one on the side of +v
+    #[arg(long, value_name = "A;B;C", help_heading = "Frame", value_parser = values::plane_points,
+          conflicts_with_all = ["frame", "view"])]
+    pub plane_points: Option<[[f64; 3]; 3]>,
     /// Side of a mosaic pixel, metres [default: the frame's, else the photos' median footprint]
     #[arg(long, value_name = "P", help_heading = "Frame", value_parser = values::positive)]
     pub pixel_size: Option<f64>,

@@ -8,11 +8,10 @@ use serde_json::{Map, Value, json};
 
 use super::args::OrthoArgs;
 use super::choice::PhotoChoice;
-use super::frame_choice;
+use super::frame_choice::{self, FrameChoice};
 use super::project;
 use super::settings::{BlendRule, Interpolation, Outliers, Weights};
 use super::values::LEAST_MEMORY_BYTES;
-use crate::frame::FrameSpec;
 use crate::input::{AngleUnit, CameraFormat, CameraOptions};
 use crate::output::{Compression, Meaning};
 use crate::report::physical_bytes;
@@ -42,8 +41,8 @@ pub struct Config {
     pub choice: PhotoChoice,
     /// The folder of the photos' masks.
     pub masks: Option<PathBuf>,
-    /// What the mosaic is drawn on; flags for pixel size, extent, slab and reference system stand in it already.
-    pub frame: FrameSpec,
+    /// What the mosaic is drawn on.
+    pub frame: FrameChoice,
     /// Allow a mosaic of more than 10 times the photos' pixels.
     pub force: bool,
     /// How photos are sampled.

@@ -6,33 +6,62 @@ use crate::frame::{Cylinder, FrameSpec, Perspective, Plane};
 use crate::input::read_frame;
 use crate::{Error, Result};
 
+/// What the mosaic is to be drawn on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FrameChoice {
+    /// A frame; flags for pixel size, extent, slab and reference system stand in it already.
+    Stated(FrameSpec),
+    /// The upright plane that the photos look at.
+    Fit(Fit),
+}
+
+/// What is asked of the plane that is to be found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// The direction that is up.
+    pub up: [f64; 3],
+    /// Side of a pixel, metres.
+    pub pixel_size: Option<f64>,
+    /// `[u_min, v_min, u_max, v_max]`, metres.
+    pub extent: Option<[f64; 4]>,
+    /// `[min, max]` of elevation, metres.
+    pub elevation: Option<[f64; 2]>,
+}
+
 /// The frame that `args`, merged with the project file, ask for; `frame` is the project's `[frame]`.
 ///
 /// # Errors
-/// [`Error::Usage`] if there is no frame or flags contradict it, [`Error::Unsupported`] for frames that cannot be
-/// drawn yet, and what reading a frame file gives.
-pub(super) fn frame(args: &OrthoArgs, frame: Option<FrameSpec>) -> Result<FrameSpec> {
+/// [`Error::Usage`] if there is no frame or flags contradict it, and what reading a frame file gives.
+pub(super) fn frame(args: &OrthoArgs, frame: Option<FrameSpec>) -> Result<FrameChoice> {
     if args.up.is_some() && args.view != Some(View::Fit) {
         return Err(Error::usage("--up goes with --view fit only (in a project file: `up`)"));
     }
-    let frame = match (&args.frame, args.view, frame) {
-        (Some(file), ..) => read_frame(file)?,
-        (None, Some(View::Top), _) => FrameSpec::Plane(Plane::top()),
-        (None, Some(View::Fit), _) => {
-            return Err(Error::Unsupported {
-                path: "--view".into(),
-                what: "\"fit\"".into(),
-                hint: Some("give a frame file, or --view top".into()),
-            });
+    if args.view == Some(View::Fit) {
+        if args.crs.is_some() {
+            return Err(Error::usage("--crs does not go with --view fit"));
         }
-        (None, None, Some(frame)) => frame,
-        (None, None, None) => {
+        return Ok(FrameChoice::Fit(Fit {
+            up: args.up.unwrap_or([0.0, 0.0, 1.0]),
+            pixel_size: args.pixel_size,
+            extent: args.extent,
+            elevation: args.elevation,
+        }));
+    }
+    let frame = match (&args.frame, args.view, args.plane_points, frame) {
+        (Some(file), ..) => read_frame(file)?,
+        (None, Some(_), ..) => FrameSpec::Plane(Plane::top()),
+        (None, None, Some(points), _) => {
+            let plane = Plane::through(points);
+            FrameSpec::Plane(plane.map_err(|e| Error::usage(format!("--plane-points: {e}")))?)
+        }
+        (None, None, None, Some(frame)) => frame,
+        (None, None, None, None) => {
             return Err(Error::usage(
                 "a frame is missing: give --frame FILE.toml or --view top (in a project file: `[frame]` or `view`)",
             ));
         }
     };
-    overridden(frame, args)
+    overridden(frame, args).map(FrameChoice::Stated)
 }
 
 /// `frame` with what the flags say about it.
@@ -84,7 +113,7 @@ mod tests {
     /// The plane that is asked for.
     fn plane(args: &OrthoArgs, spec: Option<FrameSpec>) -> Result<Plane> {
         match frame(args, spec)? {
-            FrameSpec::Plane(plane) => Ok(plane),
+            FrameChoice::Stated(FrameSpec::Plane(plane)) => Ok(plane),
             other => unreachable!("{other:?}"),
         }
     }
@@ -131,12 +160,13 @@ mod tests {
     }
 
     #[test]
-    fn no_frame_and_a_frame_still_to_come_are_answered_each_in_its_way() {
+    fn no_frame_is_an_error_and_up_goes_with_a_fit_alone() {
         let none = plane(&OrthoArgs::default(), None).unwrap_err();
         assert!(none.to_string().contains("--view top"), "{none}");
         let fit =
-            OrthoArgs { view: Some(View::Fit), up: Some([0.0, 0.0, 1.0]), ..Default::default() };
-        assert!(matches!(plane(&fit, None), Err(Error::Unsupported { .. })));
+            OrthoArgs { view: Some(View::Fit), up: Some([0.0, 1.0, 0.0]), ..Default::default() };
+        let Ok(FrameChoice::Fit(found)) = frame(&fit, Some(facade())) else { panic!("a fit") };
+        assert_eq!(found.up, [0.0, 1.0, 0.0]);
         let up =
             OrthoArgs { up: Some([0.0, 0.0, 1.0]), view: Some(View::Top), ..Default::default() };
         assert!(matches!(plane(&up, None), Err(Error::Usage(_))));
@@ -149,7 +179,8 @@ mod tests {
              facing = \"outside\"",
         );
         let size = OrthoArgs { pixel_size: Some(0.5), ..Default::default() };
-        let Ok(FrameSpec::Cylinder(found)) = frame(&size, Some(cylinder)) else { panic!() };
+        let found = frame(&size, Some(cylinder)).unwrap();
+        let FrameChoice::Stated(FrameSpec::Cylinder(found)) = found else { panic!("{found:?}") };
         assert_eq!(found.pixel_size, Some(0.5));
         let view = spec("kind = \"perspective\"\nphoto = \"a.jpg\"");
         let error = frame(&size, Some(view)).unwrap_err();

@@ -58,6 +58,11 @@ fn checked(path: &Path, project: Project) -> Result<OrthoArgs> {
         frame: None,
         view: keys.word("view", project.view.as_deref())?,
         up: keys.check("up", project.up, values::check_direction)?,
+        plane_points: keys.check(
+            "plane_points",
+            project.plane_points,
+            values::check_plane_points,
+        )?,
         pixel_size: keys.check("pixel_size", project.pixel_size, values::check_positive)?,
         extent: keys.check("extent", project.extent, values::check_extent)?,
         elevation: keys.check("elevation", project.elevation, values::check_elevation)?,
@@ -114,7 +119,8 @@ impl Keys<'_> {
 /// `flags` where they say something, else what stands `below`.
 fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
     // A direction belongs to the view that it was given with.
-    let frame_by_flag = flags.frame.is_some() || flags.view.is_some();
+    let frame_by_flag =
+        flags.frame.is_some() || flags.view.is_some() || flags.plane_points.is_some();
     OrthoArgs {
         project: flags.project,
         mesh: either(flags.mesh, below.mesh),
@@ -127,6 +133,7 @@ fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
         masks: flags.masks.or(below.masks),
         view: if frame_by_flag { flags.view } else { below.view },
         up: if frame_by_flag { flags.up } else { flags.up.or(below.up) },
+        plane_points: if frame_by_flag { flags.plane_points } else { below.plane_points },
         frame: flags.frame,
         pixel_size: flags.pixel_size.or(below.pixel_size),
         extent: flags.extent.or(below.extent),

@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use crate::frame::Plane;
 use crate::input::{AngleUnit, CameraFormat, TableLens};
 use crate::output::{Compression, Meaning};
 
@@ -82,6 +83,19 @@ pub(super) fn check_direction(direction: [f64; 3]) -> Parsed<[f64; 3]> {
         return Err("expected a direction, found 0,0,0".into());
     }
     Ok(direction)
+}
+
+/// `X,Y,Z;X,Y,Z;X,Y,Z`.
+pub(super) fn plane_points(text: &str) -> Parsed<[[f64; 3]; 3]> {
+    let points: Vec<_> = text.split(';').map(|p| numbers::<3>(p)).collect::<Parsed<_>>()?;
+    let three = <[[f64; 3]; 3]>::try_from(points);
+    check_plane_points(three.map_err(|_| "expected three points X,Y,Z separated by semicolons")?)
+}
+
+/// Three points that span a plane.
+pub(super) fn check_plane_points(points: [[f64; 3]; 3]) -> Parsed<[[f64; 3]; 3]> {
+    Plane::through(points).map_err(|e| format!("expected {}, found {}", e.expected, e.found))?;
+    Ok(points)
 }
 
 /// A length greater than zero, metres.

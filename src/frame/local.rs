@@ -50,6 +50,11 @@ impl LocalMosaic {
         }
     }
 
+    /// Whether the lines of all pixels are parallel: it is on a plane.
+    pub fn is_parallel(&self) -> bool {
+        matches!(self, Self::Plane(_))
+    }
+
     /// `[min, max]` of the elevations shown, metres, perhaps infinite.
     #[inline]
     pub fn slab(&self) -> [f64; 2] {

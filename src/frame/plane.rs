@@ -39,6 +39,32 @@ impl Plane {
         Ok(Self { origin, u, v, n, pixel_size: None, extent: None, elevation: None, crs: None })
     }
 
+    /// The plane through three ground points: the origin, one on the positive u axis, one on the side of +v.
+    ///
+    /// # Errors
+    /// If a coordinate is not finite, or the points lie on one line, within a millionth of their distances.
+    pub fn through(points: [[f64; 3]; 3]) -> Result<Self, FrameError> {
+        let key = "plane_points";
+        for point in points {
+            check::finite(key, point)?;
+        }
+        let [a, b, c] = points.map(DVec3::from);
+        let (along, aside) = (b - a, c - a);
+        let found = || format!("{points:?}");
+        let expected = "three points that are not on one line";
+        let Some(u) = along.try_normalize() else {
+            return Err(FrameError::new(key, expected, found()));
+        };
+        let v = aside - u * aside.dot(u);
+        if v.length() <= 1e-6 * aside.length() {
+            return Err(FrameError::new(key, expected, found()));
+        }
+        let v = v.normalize();
+        // Once more: the first may have lost digits where the angle is small.
+        let v = (v - u * v.dot(u)).normalize();
+        Self::new(points[0], u.to_array(), v.to_array())
+    }
+
     /// The view from above, u = x, v = y, elevation = z: `--view top`.
     pub fn top() -> Self {
         let (origin, u, v, n) = (DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z);

@@ -39,6 +39,8 @@ pub struct Project {
     pub view: Option<String>,
     /// The upward direction for `view = "fit"`, ground.
     pub up: Option<[f64; 3]>,
+    /// The plane through three ground points: the origin, one along +u, one on the side of +v.
+    pub plane_points: Option<[[f64; 3]; 3]>,
     /// Metres.
     pub pixel_size: Option<f64>,
     /// `[u_min, v_min, u_max, v_max]`, metres.
@@ -106,6 +108,7 @@ struct ProjectTable {
     frame: Option<FrameTable>,
     view: Option<String>,
     up: Option<[f64; 3]>,
+    plane_points: Option<[[f64; 3]; 3]>,
     pixel_size: Option<f64>,
     extent: Option<[f64; 4]>,
     elevation: Option<[f64; 2]>,
@@ -170,6 +173,7 @@ impl ProjectTable {
             frame,
             view: self.view,
             up: self.up,
+            plane_points: self.plane_points,
             pixel_size: self.pixel_size,
             extent: self.extent,
             elevation: self.elevation,
@@ -274,6 +278,7 @@ v_axis = [0, 0, 1]
             frame: p.frame.clone(),
             view: some("top"),
             up: Some([0.0, 0.0, 1.0]),
+            plane_points: None,
             pixel_size: Some(0.002),
             extent: Some([0.0, 0.0, 1.5, 2.0]),
             elevation: Some([f64::NEG_INFINITY, 3.0]),

@@ -1,5 +1,7 @@
 //! What is settled once, before the first tile: the mosaic's extent and its pixel size.
 //!
+//! [`fit_plane`] finds the façade that the photos look at.
+//!
 //! In: the mesh as [`Partitions`], the photos' orientation, a frame. Out: [`default_extent`] of a plane, [`default_arc`] of a
 //! cylinder, [`default_pixel_size`], the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]), and an
 //! estimate of what is needed of each photo ([`photo_needs`]).
@@ -12,6 +14,7 @@
 
 mod arc;
 mod extent;
+mod fit;
 mod forecast;
 mod needs;
 mod partitions;
@@ -22,6 +25,7 @@ mod tests;
 
 pub use arc::default_arc;
 pub use extent::{check_meeting, check_pixels, check_shown, default_extent};
+pub use fit::fit_plane;
 pub use forecast::{Forecast, JobDemand, tile_weight};
 pub use needs::{PhotoNeed, photo_needs};
 pub use partitions::{Base, Partitions, Slab};

@@ -157,7 +157,7 @@ fn density(
 }
 
 /// The least value that at least half of the weight does not exceed; `None` without weight. Pairs of value and weight.
-fn weighted_median(pairs: &mut [(f64, f64)]) -> Option<f64> {
+pub(super) fn weighted_median(pairs: &mut [(f64, f64)]) -> Option<f64> {
     pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let half = 0.5 * pairs.iter().map(|p| p.1).sum::<f64>();
     let mut sum = 0.0;

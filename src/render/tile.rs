@@ -24,6 +24,9 @@ const SUB_BLOCK_AREA: u64 = SUB_BLOCK.unsigned_abs() * SUB_BLOCK.unsigned_abs();
 /// Bytes a pixel of a block's surface: elevation, face, point, and a face with its vertices for every pixel.
 const SURFACE_BYTES: u64 = 8 + 4 + 24 + 48 + 24;
 
+/// Bytes a pixel of a block where lines are not parallel: its line in the block, its ray's cell, its line on the surface.
+const LINE_BYTES: u64 = 24 + 8 + 16 + 12 + 24;
+
 /// Bytes a pixel of a block and a photo that may see it: listed pixel, sorted point, its cell, face and vertex.
 const VIEW_BYTES: u64 = 3 + 20 + 8 + 16 + 24;
 
@@ -144,7 +147,8 @@ impl<'a> Renderer<'a> {
         let views = self.scene.photos.iter().filter(|p| p.view.may_see(&bounds)).count();
         let (area, views) = (rect.area() as u64, views as u64);
         let samples = area.min(SUB_BLOCK_AREA) * SampleTile::BYTES_A_SAMPLE as u64;
-        let needed = area * (SURFACE_BYTES + VIEW_BYTES * views) + samples * views;
+        let lines = if self.scene.mosaic.is_parallel() { 0 } else { LINE_BYTES };
+        let needed = area * (SURFACE_BYTES + lines + VIEW_BYTES * views) + samples * views;
         // A list that grows may hold more than it needs.
         needed + needed / 2
     }

@@ -10,7 +10,7 @@ use groundel::geom::Size;
 use groundel::image::Samples;
 use groundel::render::{OrthoTile, Renderer, Tolerance};
 use groundel::synthetic::scenes;
-use groundel::synthetic::{CameraSpec, Placement, Shot, TestScene};
+use groundel::synthetic::{CameraSpec, Placement, Sampling, Shot, TestScene};
 
 const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 /// Memory for one renderer: small, so that blocks are cut.
@@ -77,7 +77,7 @@ fn around(count: i32) -> impl Iterator<Item = (String, f64, f64)> {
 fn from_outside(placement: &Placement) -> Vec<Shot> {
     let shot = |(name, angle, y): (String, f64, f64)| {
         let ends = [DVec3::new(2.9 * angle.sin(), y, 2.9 * angle.cos()), DVec3::ZERO];
-        Shot::towards(&name, &lens(430.0, [400, 320]), placement, ends, 0.02)
+        Shot::towards(&name, &lens(300.0, [280, 224]), placement, ends, 0.02)
     };
     around(10).map(shot).collect()
 }
@@ -86,7 +86,7 @@ fn from_inside(placement: &Placement) -> Vec<Shot> {
     let shot = |(name, angle, y): (String, f64, f64)| {
         let towards = DVec3::new(angle.sin(), 0.0, angle.cos());
         let ends = [towards * -0.3 + DVec3::Y * y, towards + DVec3::Y * (0.2 * y)];
-        Shot::towards(&name, &lens(260.0, [360, 360]), placement, ends, -0.05)
+        Shot::towards(&name, &lens(200.0, [276, 276]), placement, ends, -0.05)
     };
     around(12).map(shot).collect()
 }
@@ -114,7 +114,7 @@ fn meets(faces: &[[DVec3; 3]], (origin, direction): Line) -> Vec<(f64, usize)> {
 
 fn render(test: &TestScene, mosaic: &Mosaic, tolerance: Tolerance) -> OrthoTile {
     let folder = tempfile::tempdir().unwrap();
-    job::write_files(test, folder.path());
+    test.write(folder.path(), Sampling::Box(2), &[]).unwrap();
     let cameras: CameraSet = test.photos().unwrap();
     let mut scene = job::open(test, folder.path(), &cameras);
     scene.mosaic = mosaic.local(scene.mesh.origin());

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::super::config::Config;
 use super::super::console;
+use super::super::frame_choice::FrameChoice;
 use super::disk::Room;
 use super::grid;
 use super::inputs::Inputs;
@@ -157,11 +158,16 @@ impl Outlook {
 fn stated_mosaic(config: &Config, inputs: &Inputs) -> Option<Mosaic> {
     let slab = [f64::NEG_INFINITY, f64::INFINITY];
     let mosaic = match &config.frame {
-        FrameSpec::Plane(plane) => {
+        FrameChoice::Fit(_) => return None,
+        FrameChoice::Stated(FrameSpec::Plane(plane)) => {
             Mosaic::new(plane.clone(), plane.pixel_size?, plane.extent?, slab).ok()?
         }
-        FrameSpec::Cylinder(c) => Mosaic::new(c.clone(), c.pixel_size?, c.extent?, slab).ok()?,
-        FrameSpec::Perspective(view) => grid::of_view(view, &inputs.cameras).ok()?,
+        FrameChoice::Stated(FrameSpec::Cylinder(c)) => {
+            Mosaic::new(c.clone(), c.pixel_size?, c.extent?, slab).ok()?
+        }
+        FrameChoice::Stated(FrameSpec::Perspective(view)) => {
+            grid::of_view(view, &inputs.cameras).ok()?
+        }
     };
     let photo_pixels = inputs.photos.iter().map(|p| p.lens.size().area()).sum();
     check_pixels(mosaic.size, photo_pixels, config.force).ok().map(|()| mosaic)

@@ -1,12 +1,15 @@
 //! The mosaic's grid.
 
+use glam::DVec3;
+
 use super::super::config::Config;
 use super::super::console;
+use super::super::frame_choice::{Fit, FrameChoice};
 use crate::camera::{CameraSet, Photo};
 use crate::frame::{CentralView, Cylinder, FrameSpec, Mosaic, Orientation, Perspective, Plane};
 use crate::plan::{
     Base, Slab, check_meeting, check_pixels, check_shown, default_arc, default_extent,
-    default_pixel_size,
+    default_pixel_size, fit_plane,
 };
 use crate::store::mesh::MeshStore;
 use crate::{Error, Result};
@@ -22,9 +25,10 @@ pub(super) fn grid(
     photos: &[Photo],
 ) -> Result<Mosaic> {
     let mosaic = match &config.frame {
-        FrameSpec::Plane(plane) => on_plane(plane, mesh, photos)?,
-        FrameSpec::Cylinder(cylinder) => on_cylinder(cylinder, mesh, photos)?,
-        FrameSpec::Perspective(view) => of_view(view, cameras)?,
+        FrameChoice::Stated(FrameSpec::Plane(plane)) => on_plane(plane, mesh, photos)?,
+        FrameChoice::Stated(FrameSpec::Cylinder(cylinder)) => on_cylinder(cylinder, mesh, photos)?,
+        FrameChoice::Stated(FrameSpec::Perspective(view)) => of_view(view, cameras)?,
+        FrameChoice::Fit(fit) => on_plane(&fitted(fit, mesh, photos)?, mesh, photos)?,
     };
     if mosaic.plane().is_none() {
         check_shown(mesh, &mosaic)?;
@@ -32,6 +36,17 @@ pub(super) fn grid(
     let photo_pixels = photos.iter().map(|p| p.lens.size().area()).sum();
     check_pixels(mosaic.size, photo_pixels, config.force)?;
     Ok(mosaic)
+}
+
+/// The plane that the photos look at, told to the user.
+fn fitted(fit: &Fit, mesh: &MeshStore, photos: &[Photo]) -> Result<Plane> {
+    let plane = fit_plane(mesh, photos, DVec3::from(fit.up))?;
+    let [origin, u, v] = [plane.origin, plane.u, plane.v].map(|v| v.to_array());
+    console::note(&format!(
+        "groundel: --view fit chose the plane with origin = {origin:?}, u_axis = {u:?}, v_axis = {v:?}"
+    ));
+    let &Fit { pixel_size, extent, elevation, .. } = fit;
+    Ok(Plane { pixel_size, extent, elevation, ..plane })
 }
 
 fn on_plane(plane: &Plane, mesh: &MeshStore, photos: &[Photo]) -> Result<Mosaic> {
