@@ -124,6 +124,37 @@ pub enum Command {
         #[command(flatten)]
         camera: CameraArgs,
     },
+    /// Tell the ground point of a mosaic's pixel, or the pixel of a ground point: column row X Y Z elevation
+    Locate {
+        /// The mosaic; its frame and its elevation layer lie beside it
+        #[arg(value_name = "OUT.tif")]
+        mosaic: PathBuf,
+        /// Column and row, 0.5,0.5 the middle of the upper-left pixel; repeatable
+        #[arg(long, value_name = "C,R", value_parser = values::pixel, required_unless_present = "ground")]
+        pixel: Vec<[f64; 2]>,
+        /// Ground point, metres; repeatable
+        #[arg(long, value_name = "X,Y,Z", value_parser = values::point)]
+        ground: Vec<[f64; 3]>,
+        /// Elevation of the pixels, metres [default: that of the elevation layer]
+        #[arg(long, value_name = "METRES", value_parser = values::metres)]
+        elevation: Option<f64>,
+        /// Camera set, for a perspective view of one of its photos
+        #[arg(long, value_name = "PATH", value_parser = path!())]
+        cameras: Option<PathBuf>,
+        /// How cameras are to be read
+        #[command(flatten)]
+        camera: CameraArgs,
+    },
+    /// Compare two pictures of one size: PSNR, SSIM and shift
+    Compare {
+        /// A mosaic or a photo
+        a: PathBuf,
+        /// What it is compared with
+        b: PathBuf,
+        /// Where to draw the difference, four times as great, on middle grey
+        #[arg(long, value_name = "FILE.png", value_parser = path!())]
+        out: Option<PathBuf>,
+    },
 }
 
 /// The flags that say how cameras are to be read.

@@ -7,13 +7,16 @@
 
 mod args;
 mod choice;
+mod compare;
 mod config;
 mod console;
 mod demo;
 mod frame_choice;
 mod info;
 mod interrupt;
+mod locate;
 mod ortho;
+mod picture;
 mod progress;
 mod project;
 mod run;

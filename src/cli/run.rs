@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::args::{Args, Command};
 use super::config::Config;
-use super::{console, demo, info, interrupt, ortho, ortho::ExitStatus};
+use super::{compare, console, demo, info, interrupt, locate, ortho, ortho::ExitStatus};
 use crate::{Error, Result};
 
 /// Exit code of a wrong command line.
@@ -44,6 +44,22 @@ fn dispatch(command: Command) -> Result<ExitStatus> {
             // What contradicts itself is described, not refused.
             let options = camera.options(photos, true);
             console::answer(&info::describe(&path, mesh.as_deref(), &options)?);
+            Ok(ExitStatus::Done)
+        }
+        Command::Locate { mosaic, pixel, ground, elevation, cameras, camera } => {
+            let options = camera.options(None, true);
+            let question = locate::Question {
+                mosaic: &mosaic,
+                pixels: &pixel,
+                grounds: &ground,
+                elevation,
+                cameras: cameras.as_deref().map(|path| (path, &options)),
+            };
+            console::answer(&locate::answer(&question)?);
+            Ok(ExitStatus::Done)
+        }
+        Command::Compare { a, b, out } => {
+            console::answer(&compare::answer(&a, &b, out.as_deref())?);
             Ok(ExitStatus::Done)
         }
         Command::Plan { job, .. } => later("plan", &job),

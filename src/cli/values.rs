@@ -85,6 +85,21 @@ pub(super) fn check_direction(direction: [f64; 3]) -> Parsed<[f64; 3]> {
     Ok(direction)
 }
 
+/// `C,R`, columns and rows.
+pub(super) fn pixel(text: &str) -> Parsed<[f64; 2]> {
+    finite(numbers::<2>(text)?)
+}
+
+/// `X,Y,Z`, a ground point.
+pub(super) fn point(text: &str) -> Parsed<[f64; 3]> {
+    finite(numbers::<3>(text)?)
+}
+
+/// A length of any sign, metres.
+pub(super) fn metres(text: &str) -> Parsed<f64> {
+    Ok(finite(numbers::<1>(text)?)?[0])
+}
+
 /// `X,Y,Z;X,Y,Z;X,Y,Z`.
 pub(super) fn plane_points(text: &str) -> Parsed<[[f64; 3]; 3]> {
     let points: Vec<_> = text.split(';').map(|p| numbers::<3>(p)).collect::<Parsed<_>>()?;

@@ -47,12 +47,12 @@ fn a_store_of_many_partitions_gives_extent_and_pixel_size() {
     assert!(store.count() > 5, "several partitions");
 
     let plane = Plane::top();
-    let all = Slab { plane: &plane, elevation: [f64::NEG_INFINITY, f64::INFINITY] };
+    let all = Slab { base: Base::Plane(&plane), elevation: [f64::NEG_INFINITY, f64::INFINITY] };
     let extent = default_extent(&store, all, 0.01).unwrap();
     let want = [5e5, 4e6, 500_010.0, 4_000_005.0];
     assert!(extent.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-9), "{extent:?}");
     // From 40 cm up: rows 40 to 100 of the squares.
-    let upper = Slab { plane: &plane, elevation: [0.4, f64::INFINITY] };
+    let upper = Slab { base: Base::Plane(&plane), elevation: [0.4, f64::INFINITY] };
     let extent = default_extent(&store, upper, 0.01).unwrap();
     let want = [5e5, 4_000_002.0, 500_010.0, 4_000_005.0];
     assert!(extent.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-9), "{extent:?}");

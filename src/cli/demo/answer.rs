@@ -6,7 +6,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 use tiff::decoder::DecodingResult;
 
-use super::picture::Picture;
+use super::super::picture::Picture;
 use crate::image::Image;
 use crate::synthetic::{Caster, FacadeSet, Likeness, PlaneSpec, Shift, likeness};
 use crate::{Error, Result};

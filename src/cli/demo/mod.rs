@@ -1,7 +1,6 @@
 //! `groundel demo`: a synthetic façade and photos of it, rendered, with previews, beside the known answer.
 
 mod answer;
-mod picture;
 mod preview;
 mod run;
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use ::image::{ExtendedColorType, save_buffer};
 use tiff::decoder::DecodingResult;
 
-use super::picture::Picture;
+use super::super::picture::Picture;
 use crate::output::{Meaning, NO_FACE, NO_PHOTO, NO_SURFACE};
 use crate::{Error, Result};
 

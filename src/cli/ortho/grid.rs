@@ -93,7 +93,7 @@ fn pixel_size(
 }
 
 /// The view of a photo of the whole camera set, or of a camera of its own.
-pub(super) fn of_view(view: &Perspective, cameras: &CameraSet) -> Result<Mosaic> {
+pub(in super::super) fn of_view(view: &Perspective, cameras: &CameraSet) -> Result<Mosaic> {
     let stated = view.orientation.clone();
     let (lens, pose) = match &view.orientation {
         Orientation::OfPhoto { name, distorted } => {

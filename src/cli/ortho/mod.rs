@@ -15,5 +15,6 @@ mod run;
 mod speed;
 mod stores;
 
+pub(super) use grid::of_view as mosaic_of_view;
 pub use run::ExitStatus;
 pub(super) use run::run;
