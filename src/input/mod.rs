@@ -12,7 +12,9 @@ mod colmap;
 mod content;
 mod glob;
 mod gltf;
+mod labels;
 mod mesh;
+mod metashape;
 mod obj;
 pub mod photo;
 mod ply;
@@ -24,6 +26,7 @@ mod stl;
 mod table;
 mod text;
 mod toml_file;
+mod xml;
 mod xyz;
 
 pub use cameras::{

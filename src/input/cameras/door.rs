@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::{CameraFormat, CameraOptions, Draft, Proof};
 use crate::camera::CameraSet;
-use crate::input::{bundler, colmap, table};
+use crate::input::{bundler, colmap, metashape, table};
 use crate::{Error, Result};
 
 /// Bytes at the start of a file by which its format is known.
@@ -55,6 +55,7 @@ fn read(path: &Path, format: CameraFormat, options: &CameraOptions) -> Result<Dr
         CameraFormat::Colmap => colmap::read(path),
         CameraFormat::Table => table::read(path, options),
         CameraFormat::Bundler => bundler::read(path, options),
+        CameraFormat::Metashape => metashape::read(path, options),
         CameraFormat::OpenSfm | CameraFormat::OpenMvg | CameraFormat::AliceVision => {
             Err(unknown(path))
         }
@@ -97,6 +98,7 @@ fn format_of_head(head: &[u8]) -> Option<CameraFormat> {
         }
         '{' if head.contains("\"sfm_data_version\"") => Some(CameraFormat::OpenMvg),
         '{' if head.contains("\"viewId\"") => Some(CameraFormat::AliceVision),
+        '<' if metashape::is_metashape(head) => Some(CameraFormat::Metashape),
         _ if table::is_header(head.lines().next()?) => Some(CameraFormat::Table),
         _ => None,
     }
@@ -127,6 +129,10 @@ mod tests {
             (
                 "\u{feff}name,X0,Y0,Z0,omega,phi,kappa,c,x0,y0,k1,k2,k3,p1,p2\r\n",
                 Some(CameraFormat::Table),
+            ),
+            (
+                "<?xml version='1.0'?>\n<document version='1.2.0'>\n <chunk>",
+                Some(CameraFormat::Metashape),
             ),
             ("{\"views\": 1}", None),
             ("<?xml", None),

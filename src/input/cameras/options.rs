@@ -17,6 +17,8 @@ pub enum CameraFormat {
     OpenMvg,
     /// `AliceVision` and Meshroom: `.sfm`, as JSON.
     AliceVision,
+    /// Agisoft Metashape: the XML of "Export cameras".
+    Metashape,
 }
 
 /// Every format with the word that chooses it and the name of its tool.
@@ -27,6 +29,7 @@ const FORMATS: &[(CameraFormat, &str, &str)] = &[
     (CameraFormat::OpenSfm, "opensfm", "OpenSfM reconstruction"),
     (CameraFormat::OpenMvg, "openmvg", "OpenMVG scene"),
     (CameraFormat::AliceVision, "alicevision", "AliceVision scene"),
+    (CameraFormat::Metashape, "metashape", "Metashape cameras"),
 ];
 
 impl CameraFormat {

@@ -1,0 +1,13 @@
+//! XML as other tools write it, read whole into [`Element`]s.
+//!
+//! In: a file. Out: its elements with the line of each. Promises: nothing beyond the limits of [`read_xml`] is held;
+//! no document type, so no entity but the five of XML itself is ever expanded; names stand without their prefix.
+
+mod element;
+mod read;
+
+pub(super) use element::Node;
+pub(super) use read::read_xml;
+
+#[cfg(test)]
+mod tests;
