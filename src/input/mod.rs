@@ -17,10 +17,12 @@ mod mesh;
 mod metashape;
 mod obj;
 pub mod photo;
+mod pix4d;
 mod ply;
 mod project;
 #[cfg(test)]
 mod reading;
+mod realitycapture;
 mod soup;
 mod stl;
 mod table;

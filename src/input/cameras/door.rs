@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::{CameraFormat, CameraOptions, Draft, Proof};
 use crate::camera::CameraSet;
-use crate::input::{bundler, colmap, metashape, table};
+use crate::input::{bundler, colmap, metashape, pix4d, realitycapture, table};
 use crate::{Error, Result};
 
 /// Bytes at the start of a file by which its format is known.
@@ -56,6 +56,8 @@ fn read(path: &Path, format: CameraFormat, options: &CameraOptions) -> Result<Dr
         CameraFormat::Table => table::read(path, options),
         CameraFormat::Bundler => bundler::read(path, options),
         CameraFormat::Metashape => metashape::read(path, options),
+        CameraFormat::Pix4d => pix4d::read(path, options),
+        CameraFormat::RealityCapture => realitycapture::read(path, options),
         CameraFormat::OpenSfm | CameraFormat::OpenMvg | CameraFormat::AliceVision => {
             Err(unknown(path))
         }
@@ -74,8 +76,11 @@ pub fn is_camera_file(path: &Path) -> Result<bool> {
 fn format_of(path: &Path) -> Result<CameraFormat> {
     let metadata = path.metadata().map_err(|e| Error::io(path, e))?;
     if metadata.is_dir() {
+        let is_colmap =
+            ["bin", "txt"].iter().any(|end| path.join("cameras").with_extension(end).is_file());
+        let is_xmp = !is_colmap && realitycapture::is_folder(path)?;
         // A folder without a model of COLMAP's is refused by its reader, which says what is missing.
-        return Ok(CameraFormat::Colmap);
+        return Ok(if is_xmp { CameraFormat::RealityCapture } else { CameraFormat::Colmap });
     }
     format_of_file(path)?.ok_or_else(|| unknown(path))
 }
@@ -99,6 +104,8 @@ fn format_of_head(head: &[u8]) -> Option<CameraFormat> {
         '{' if head.contains("\"sfm_data_version\"") => Some(CameraFormat::OpenMvg),
         '{' if head.contains("\"viewId\"") => Some(CameraFormat::AliceVision),
         '<' if metashape::is_metashape(head) => Some(CameraFormat::Metashape),
+        '#' if realitycapture::is_table(head) => Some(CameraFormat::RealityCapture),
+        _ if pix4d::is_pix4d(head) => Some(CameraFormat::Pix4d),
         _ if table::is_header(head.lines().next()?) => Some(CameraFormat::Table),
         _ => None,
     }

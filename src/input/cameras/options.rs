@@ -19,6 +19,10 @@ pub enum CameraFormat {
     AliceVision,
     /// Agisoft Metashape: the XML of "Export cameras".
     Metashape,
+    /// `Pix4D`: `…_calibrated_camera_parameters.txt`, its offset beside it.
+    Pix4d,
+    /// `RealityCapture`, `RealityScan`: a folder of XMP files, or its table of camera parameters.
+    RealityCapture,
 }
 
 /// Every format with the word that chooses it and the name of its tool.
@@ -30,6 +34,8 @@ const FORMATS: &[(CameraFormat, &str, &str)] = &[
     (CameraFormat::OpenMvg, "openmvg", "OpenMVG scene"),
     (CameraFormat::AliceVision, "alicevision", "AliceVision scene"),
     (CameraFormat::Metashape, "metashape", "Metashape cameras"),
+    (CameraFormat::Pix4d, "pix4d", "Pix4D cameras"),
+    (CameraFormat::RealityCapture, "realitycapture", "RealityCapture cameras"),
 ];
 
 impl CameraFormat {
