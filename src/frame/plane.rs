@@ -62,7 +62,8 @@ impl Plane {
         let v = v.normalize();
         // Once more: the first may have lost digits where the angle is small.
         let v = (v - u * v.dot(u)).normalize();
-        Self::new(points[0], u.to_array(), v.to_array())
+        // `+ 0.0` turns −0 into 0.
+        Self::new(points[0], (u + 0.0).to_array(), (v + 0.0).to_array())
     }
 
     /// The view from above, u = x, v = y, elevation = z: `--view top`.

@@ -82,7 +82,9 @@ pub fn fit_plane(mesh: &impl Partitions, photos: &[Photo], up: DVec3) -> Result<
     let towards = weighted_median(&mut sides).unwrap_or(1.0);
     let n = if towards < 0.0 { -normal } else { normal };
     let origin = ((middle + mesh.origin()) / TIDY).round() * TIDY;
-    let plane = Plane::new(origin.to_array(), up.cross(n).to_array(), up.to_array());
+    // `+ 0.0` turns −0 into 0.
+    let [origin, u, v] = [origin, up.cross(n), up].map(|axis| (axis + 0.0).to_array());
+    let plane = Plane::new(origin, u, v);
     plane.map_err(|e| Error::usage(format!("--view fit: {e}")))
 }
 

@@ -11,3 +11,4 @@ mod interruption;
 mod job;
 mod known_answer;
 mod memory;
+mod views;
