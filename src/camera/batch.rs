@@ -163,6 +163,11 @@ mod tests {
             Lens::new(LensModel::OpenCv, size, &k[..8]),
             Lens::new(LensModel::FullOpenCv, size, &k),
             Lens::new(LensModel::Brown, size, &[&k[..4], &[3.0], &k[4..10]].concat()),
+            Lens::new(
+                LensModel::BrownOffCentre,
+                size,
+                &[&k[..4], &[3.0], &k[4..10], &[9.0, -7.0]].concat(),
+            ),
             Lens::new(LensModel::BrownFisheye, size, &[&k[..4], &[3.0], &k[4..10]].concat()),
             Lens::new(LensModel::Fisheye, size, &k[..4]),
             Lens::new(LensModel::OpenCvFisheye, size, &k[..8]),

@@ -4,7 +4,8 @@
 //! J. Weng, P. Cohen and M. Herniou (1992), "Camera calibration with distortion models and accuracy evaluation", IEEE
 //! PAMI 14 (10), 965–980, doi:10.1109/34.159901, as in COLMAP's `THIN_PRISM_FISHEYE`:
 //! `x' = x g + 2 p1 x y + p2 (r² + 2 x²) + sx r²`, `y' = y g + 2 p2 x y + p1 (r² + 2 y²) + sy r²`,
-//! `g = 1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸`; then `x'' = x' + shear · y'`, `y'' = y'`.
+//! `g = 1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸`; then `x'' = x' + shear · y'`, `y'' = y'`. All may be taken about a centre
+//! other than the principal point: of positions less that centre, which is added again before the shear.
 
 use glam::{DMat2, DVec2};
 
@@ -23,6 +24,8 @@ pub(super) struct Brown {
     square: DVec2,
     /// What a unit of y adds to x.
     shear: f64,
+    /// Where r is 0.
+    centre: DVec2,
 }
 
 impl Brown {
@@ -31,7 +34,13 @@ impl Brown {
 
     /// From the radial coefficients alone.
     pub(super) const fn radial(radial: [f64; 4]) -> Self {
-        Self { radial, decentering: DVec2::ZERO, square: DVec2::ZERO, shear: 0.0 }
+        Self {
+            radial,
+            decentering: DVec2::ZERO,
+            square: DVec2::ZERO,
+            shear: 0.0,
+            centre: DVec2::ZERO,
+        }
     }
 
     /// The same with decentering terms `p1`, `p2`.
@@ -50,23 +59,36 @@ impl Brown {
         Self { shear, ..self }
     }
 
+    /// The same about another centre.
+    pub(super) fn about(self, centre: DVec2) -> Self {
+        Self { centre, ..self }
+    }
+
+    /// Where the radius is 0.
+    pub(super) fn centre(&self) -> DVec2 {
+        self.centre
+    }
+
     /// The distorted position of `q`.
     #[inline]
     pub(super) fn distort(&self, q: DVec2) -> DVec2 {
+        let q = q - self.centre;
         self.at(q, q.length_squared())
     }
 
+    /// The distorted position of `q` from the centre, `s` its squared length.
     #[inline]
     fn at(&self, q: DVec2, s: f64) -> DVec2 {
         let [k1, k2, k3, k4] = self.radial;
         let scale = 1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4)));
-        let at = q * (scale + 2.0 * self.decentering.dot(q)) + self.square * s;
+        let at = q * (scale + 2.0 * self.decentering.dot(q)) + self.square * s + self.centre;
         DVec2::new(at.x + self.shear * at.y, at.y)
     }
 
     /// The distorted position of `q`, and its derivative by `q` (column x, column y).
     #[inline]
     pub(super) fn distort_jacobian(&self, q: DVec2) -> (DVec2, DMat2) {
+        let q = q - self.centre;
         let s = q.length_squared();
         let [k1, k2, k3, k4] = self.radial;
         let (p, w) = (self.decentering, self.square);
@@ -98,17 +120,22 @@ impl Brown {
         2.0 * self.decentering.length() + self.square.length()
     }
 
-    /// The position before the shear.
+    /// The position before the shear, from the centre.
     pub(super) fn unsheared(&self, position: DVec2) -> DVec2 {
-        DVec2::new(position.x - self.shear * position.y, position.y)
+        DVec2::new(position.x - self.shear * position.y, position.y) - self.centre
     }
 
-    /// A rectangle that holds all positions of `bounds` before the shear.
+    /// `bounds` of positions from the centre as bounds of positions from the principal point.
+    pub(super) fn uncentred_bounds(&self, bounds: Bounds2) -> Bounds2 {
+        Bounds2 { min: bounds.min + self.centre, max: bounds.max + self.centre }
+    }
+
+    /// A rectangle that holds all positions of `bounds` before the shear, from the centre.
     pub(super) fn unsheared_bounds(&self, bounds: Bounds2) -> Bounds2 {
         let (a, b) = (self.shear * bounds.min.y, self.shear * bounds.max.y);
         Bounds2 {
-            min: DVec2::new(bounds.min.x - a.max(b), bounds.min.y),
-            max: DVec2::new(bounds.max.x - a.min(b), bounds.max.y),
+            min: DVec2::new(bounds.min.x - a.max(b), bounds.min.y) - self.centre,
+            max: DVec2::new(bounds.max.x - a.min(b), bounds.max.y) - self.centre,
         }
     }
 }

@@ -63,6 +63,11 @@ impl Distortion {
     pub(super) fn valid_square(&self) -> f64 {
         match self {
             Self::Wide(d) => d.valid_square(),
+            Self::Brown(d) => {
+                // The greatest circle about the principal point within the one about the centre.
+                let radius = d.radial_function().valid_square().sqrt() - d.centre().length();
+                radius.max(0.0) * radius.max(0.0)
+            }
             _ => self.radial_function().valid_square(),
         }
     }
@@ -148,7 +153,10 @@ impl Distortion {
             Self::Brown(d) => d.radial_distort(r),
             Self::Wide(d) => d.radial_distort(r),
         };
-        let end = valid_square.sqrt();
+        let end = match self {
+            Self::Brown(d) => valid_square.sqrt() + d.centre().length(),
+            _ => valid_square.sqrt(),
+        };
         // Within the valid radius the distorted radius only grows: double until it is passed, then halve.
         let (mut lo, mut hi) = (0.0, wanted);
         while hi < end && radial(hi) < wanted {
@@ -159,6 +167,10 @@ impl Distortion {
             let mid = 0.5 * (lo + hi);
             if radial(mid) < wanted { lo = mid } else { hi = mid }
         }
-        Some(direction * lo)
+        let centre = match self {
+            Self::Brown(d) => d.centre(),
+            _ => DVec2::ZERO,
+        };
+        Some(centre + direction * lo)
     }
 }

@@ -70,6 +70,10 @@ impl Lens {
         let (focal_px, distortion) = match model {
             LensModel::Fov => fov(focal_px, k[0])?,
             LensModel::Brown => (focal_px, Distortion::Brown(brown(focal_px, k)?)),
+            LensModel::BrownOffCentre => {
+                let centre = DVec2::new(k[7], k[8]) / focal_px;
+                (focal_px, Distortion::Brown(brown(focal_px, k)?.about(centre)))
+            }
             LensModel::BrownFisheye => {
                 (focal_px, Distortion::Wide(Wide::fisheye(brown(focal_px, k)?)))
             }

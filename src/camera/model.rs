@@ -1,4 +1,4 @@
-//! [`LensModel`]: the camera models that COLMAP knows, by its names and numbers, and two that it does not.
+//! [`LensModel`]: the camera models that COLMAP knows, by its names and numbers, and some that it does not.
 
 /// A camera model of COLMAP (`src/colmap/sensor/models.h`, version 4), computed by groundel or not; or one of
 /// groundel's own for the lenses of other programs.
@@ -45,13 +45,16 @@ pub enum LensModel {
     Brown,
     /// The same after a fisheye: in the plane of angles, as the models of COLMAP. groundel's own.
     BrownFisheye,
+    /// `fx, fy, cx, cy, skew, k1, k2, k3, k4, p1, p2, dx, dy`: as [`LensModel::Brown`], its distortion about the point
+    /// (dx, dy), pixels from the principal point. groundel's own.
+    BrownOffCentre,
 }
 
 /// The first so many models are COLMAP's.
 const COLMAP: usize = 18;
 
 /// Every model with its name and its number of parameters; the index of COLMAP's is its id.
-const MODELS: [(LensModel, &str, usize); COLMAP + 2] = [
+const MODELS: [(LensModel, &str, usize); COLMAP + 3] = [
     (LensModel::SimplePinhole, "SIMPLE_PINHOLE", 3),
     (LensModel::Pinhole, "PINHOLE", 4),
     (LensModel::SimpleRadial, "SIMPLE_RADIAL", 4),
@@ -72,6 +75,7 @@ const MODELS: [(LensModel, &str, usize); COLMAP + 2] = [
     (LensModel::Equirectangular, "EQUIRECTANGULAR", 2),
     (LensModel::Brown, "BROWN", 11),
     (LensModel::BrownFisheye, "BROWN_FISHEYE", 11),
+    (LensModel::BrownOffCentre, "BROWN_OFF_CENTRE", 13),
 ];
 
 impl LensModel {

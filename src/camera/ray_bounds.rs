@@ -13,7 +13,8 @@ const MARGIN: f64 = 1e-9;
 /// Bounds of the rays (x/z, y/z) whose distorted position may lie in `frame` (normalised), or `None` if the model
 /// maps rays of any radius into it.
 ///
-/// 1. A shear of the axes is taken back: the frame becomes a parallelogram, and its bounds the frame.
+/// 1. A shear of the axes is taken back: the frame becomes a parallelogram, and its bounds the frame. What follows is
+///    counted from the centre of the distortion, where that is not the principal point.
 /// 2. A ray of radius `r` is distorted to a radius of at least `m(r) = r g(r²) − c r²`, where `c r²` bounds the tangential
 ///    part; beyond the last `r` with `m(r) ≤` the frame's farthest corner no ray falls in: the *reach*.
 /// 3. Up to the reach the tangential part moves a ray by at most `c · reach²`: the radial part of the distortion lies in
@@ -41,7 +42,9 @@ pub(super) fn ray_bounds(
         }
         Distortion::Brown(d) => {
             let frame = d.unsheared_bounds(frame);
-            polynomial_bounds(&function, c, frame, valid_radius).map(|(bounds, _)| bounds)
+            let bounds =
+                polynomial_bounds(&function, c, frame, valid_radius + d.centre().length())?.0;
+            Some(d.uncentred_bounds(bounds))
         }
         Distortion::Radial(_) | Distortion::OpenCv(_) | Distortion::Rational(_) => {
             polynomial_bounds(&function, c, frame, valid_radius).map(|(bounds, _)| bounds)

@@ -15,7 +15,7 @@ fn lenses() -> impl Strategy<Value = Lens> {
     let rest = (-0.2..0.2_f64, -0.1..0.1_f64, -0.05..0.05_f64);
     let p = (-3e-3..3e-3_f64, -3e-3..3e-3_f64);
     let interior = (0.7..3.0_f64, 0.98..1.02_f64, -80.0..80.0_f64, -80.0..80.0_f64);
-    (0..15_usize, interior, k, rest, p).prop_map(|(model, (f, aspect, dx, dy), k, rest, p)| {
+    (0..16_usize, interior, k, rest, p).prop_map(|(model, (f, aspect, dx, dy), k, rest, p)| {
         let (fx, cx, cy) = (f * 2592.0, 1296.0 + dx, 972.0 + dy);
         let fy = fx * aspect;
         let (model, params) = match model {
@@ -38,8 +38,12 @@ fn lenses() -> impl Strategy<Value = Lens> {
                 (LensModel::ThinPrismFisheye, all.to_vec())
             }
             12 => (LensModel::Fov, vec![fx, fy, cx, cy, 4.0 * k.0]),
+            13 => {
+                let off = [fx, fy, cx, cy, 3e3 * p.0, k.0, k.1, k.2, rest.0, p.0, p.1, dx, dy];
+                (LensModel::BrownOffCentre, off.to_vec())
+            }
             _ => {
-                let own = if model == 13 { LensModel::Brown } else { LensModel::BrownFisheye };
+                let own = if model == 14 { LensModel::Brown } else { LensModel::BrownFisheye };
                 (own, vec![fx, fy, cx, cy, 3e3 * p.0, k.0, k.1, k.2, rest.0, p.0, p.1])
             }
         };

@@ -160,7 +160,7 @@ pub enum Command {
 /// The flags that say how cameras are to be read.
 #[derive(Clone, Debug, Default, PartialEq, clap::Args)]
 pub struct CameraArgs {
-    /// Format of the cameras: colmap, table, bundler, opensfm, openmvg, alicevision, metashape, pix4d, realitycapture [default: by content]
+    /// Format of the cameras: colmap, table, bundler, opensfm, openmvg, alicevision, metashape, pix4d, realitycapture, micmac [default: by content]
     #[arg(long, value_name = "NAME", help_heading = "Input", value_parser = values::camera_format)]
     pub camera_format: Option<CameraFormat>,
     /// Unit of the angles of a plain table, required there: deg, gon or rad

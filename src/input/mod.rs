@@ -15,6 +15,7 @@ mod gltf;
 mod labels;
 mod mesh;
 mod metashape;
+mod micmac;
 mod obj;
 pub mod photo;
 mod pix4d;

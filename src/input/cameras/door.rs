@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::{CameraFormat, CameraOptions, Draft, Proof};
 use crate::camera::CameraSet;
-use crate::input::{bundler, colmap, metashape, pix4d, realitycapture, table};
+use crate::input::{bundler, colmap, metashape, micmac, pix4d, realitycapture, table};
 use crate::{Error, Result};
 
 /// Bytes at the start of a file by which its format is known.
@@ -56,6 +56,7 @@ fn read(path: &Path, format: CameraFormat, options: &CameraOptions) -> Result<Dr
         CameraFormat::Table => table::read(path, options),
         CameraFormat::Bundler => bundler::read(path, options),
         CameraFormat::Metashape => metashape::read(path, options),
+        CameraFormat::MicMac => micmac::read(path, options),
         CameraFormat::Pix4d => pix4d::read(path, options),
         CameraFormat::RealityCapture => realitycapture::read(path, options),
         CameraFormat::OpenSfm | CameraFormat::OpenMvg | CameraFormat::AliceVision => {
@@ -76,13 +77,23 @@ pub fn is_camera_file(path: &Path) -> Result<bool> {
 fn format_of(path: &Path) -> Result<CameraFormat> {
     let metadata = path.metadata().map_err(|e| Error::io(path, e))?;
     if metadata.is_dir() {
-        let is_colmap =
-            ["bin", "txt"].iter().any(|end| path.join("cameras").with_extension(end).is_file());
-        let is_xmp = !is_colmap && realitycapture::is_folder(path)?;
-        // A folder without a model of COLMAP's is refused by its reader, which says what is missing.
-        return Ok(if is_xmp { CameraFormat::RealityCapture } else { CameraFormat::Colmap });
+        return format_of_folder(path);
     }
     format_of_file(path)?.ok_or_else(|| unknown(path))
+}
+
+/// The format of a folder; one without any is refused by COLMAP's reader, which says what is missing.
+fn format_of_folder(path: &Path) -> Result<CameraFormat> {
+    let is_model = |end: &&str| path.join("cameras").with_extension(end).is_file();
+    if ["bin", "txt"].iter().any(is_model) {
+        Ok(CameraFormat::Colmap)
+    } else if micmac::is_folder(path)? {
+        Ok(CameraFormat::MicMac)
+    } else if realitycapture::is_folder(path)? {
+        Ok(CameraFormat::RealityCapture)
+    } else {
+        Ok(CameraFormat::Colmap)
+    }
 }
 
 fn format_of_file(path: &Path) -> Result<Option<CameraFormat>> {
@@ -124,6 +135,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_folder_is_known_by_its_files() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(format_of(folder.path()).unwrap(), CameraFormat::Colmap);
+        for (name, format) in [
+            ("a.xmp", CameraFormat::RealityCapture),
+            ("Orientation-a.jpg.xml", CameraFormat::MicMac),
+            ("cameras.txt", CameraFormat::Colmap),
+        ] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+            assert_eq!(format_of(folder.path()).unwrap(), format, "{name}");
+        }
+    }
+
+    #[test]
     fn a_format_is_known_by_its_first_bytes() {
         for (head, format) in [
             ("# Bundle file v0.3\n1 0\n", Some(CameraFormat::Bundler)),
@@ -140,6 +165,11 @@ mod tests {
             (
                 "<?xml version='1.0'?>\n<document version='1.2.0'>\n <chunk>",
                 Some(CameraFormat::Metashape),
+            ),
+            ("fileName imageWidth imageHeight \r\n", Some(CameraFormat::Pix4d)),
+            (
+                "#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n",
+                Some(CameraFormat::RealityCapture),
             ),
             ("{\"views\": 1}", None),
             ("<?xml", None),

@@ -23,6 +23,8 @@ pub enum CameraFormat {
     Pix4d,
     /// `RealityCapture`, `RealityScan`: a folder of XMP files, or its table of camera parameters.
     RealityCapture,
+    /// `MicMac`: a folder of `Orientation-*.xml`.
+    MicMac,
 }
 
 /// Every format with the word that chooses it and the name of its tool.
@@ -36,6 +38,7 @@ const FORMATS: &[(CameraFormat, &str, &str)] = &[
     (CameraFormat::Metashape, "metashape", "Metashape cameras"),
     (CameraFormat::Pix4d, "pix4d", "Pix4D cameras"),
     (CameraFormat::RealityCapture, "realitycapture", "RealityCapture cameras"),
+    (CameraFormat::MicMac, "micmac", "MicMac orientations"),
 ];
 
 impl CameraFormat {
