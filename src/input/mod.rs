@@ -5,6 +5,7 @@
 //! a file's size, only with what is kept of it. Errors name the file, the line or byte, what was expected and what was
 //! found. Nothing here decides what to do with an input.
 
+mod alicevision;
 mod bundler;
 mod byte_reader;
 mod cameras;
@@ -12,11 +13,14 @@ mod colmap;
 mod content;
 mod glob;
 mod gltf;
+mod json;
 mod labels;
 mod mesh;
 mod metashape;
 mod micmac;
 mod obj;
+mod openmvg;
+mod opensfm;
 pub mod photo;
 mod pix4d;
 mod ply;
@@ -29,6 +33,7 @@ mod stl;
 mod table;
 mod text;
 mod toml_file;
+mod views;
 mod xml;
 mod xyz;
 

@@ -6,7 +6,9 @@ use std::path::Path;
 
 use super::{CameraFormat, CameraOptions, Draft, Proof};
 use crate::camera::CameraSet;
-use crate::input::{bundler, colmap, metashape, micmac, pix4d, realitycapture, table};
+use crate::input::{
+    alicevision, bundler, colmap, metashape, micmac, openmvg, opensfm, pix4d, realitycapture, table,
+};
 use crate::{Error, Result};
 
 /// Bytes at the start of a file by which its format is known.
@@ -55,13 +57,13 @@ fn read(path: &Path, format: CameraFormat, options: &CameraOptions) -> Result<Dr
         CameraFormat::Colmap => colmap::read(path),
         CameraFormat::Table => table::read(path, options),
         CameraFormat::Bundler => bundler::read(path, options),
+        CameraFormat::OpenSfm => opensfm::read(path),
+        CameraFormat::OpenMvg => openmvg::read(path, options),
+        CameraFormat::AliceVision => alicevision::read(path, options),
         CameraFormat::Metashape => metashape::read(path, options),
         CameraFormat::MicMac => micmac::read(path, options),
         CameraFormat::Pix4d => pix4d::read(path, options),
         CameraFormat::RealityCapture => realitycapture::read(path, options),
-        CameraFormat::OpenSfm | CameraFormat::OpenMvg | CameraFormat::AliceVision => {
-            Err(unknown(path))
-        }
     }
 }
 

@@ -1,22 +1,26 @@
 //! [`MeshProof`]: whether cameras look at the mesh, the proof that needs no tie points.
 //!
 //! In: cameras and the bounds of the mesh, ground. Out: how many have the mesh in front of them and in their picture;
-//! for a plain table, whether its angles would look at more of the mesh in the other unit.
+//! for a plain table, whether its angles would bring the mesh nearer to the pictures' centres in the other unit: photos
+//! are taken of something. That is a hint, not a proof: photos that look straight along an axis are alike in both.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use super::{AngleUnit, CameraFormat, CameraOptions, Draft};
+use super::{AngleUnit, CameraFormat, CameraOptions, Draft, DraftPhoto};
 use crate::Result;
 use crate::camera::Photo;
 use crate::geom::Bounds3;
 use crate::input::table;
 
 /// Rays a side of each photo that are tried.
-const RAYS: u32 = 7;
-/// Another unit is better if it sends this many times as many rays to the mesh.
-const CLEARLY: f64 = 1.2;
+const RAYS: u32 = 15;
+/// Another unit is better if it brings the mesh so many times nearer to the pictures' centres…
+const CLEARLY: f64 = 2.0;
+/// …and by at least this part of the way from the centre to the corner.
+const MATTERS: f64 = 0.02;
 
 /// Whether cameras look at the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,9 +29,9 @@ pub struct MeshProof {
     pub photos: usize,
     /// How many have at least half of the corners of the mesh's bounds in front of them.
     pub in_front: usize,
-    /// How many have the bounds in their picture, by 7 × 7 rays.
+    /// How many have the bounds in their picture, by 15 × 15 rays.
     pub inside: usize,
-    /// The unit of angles in which a table looks at clearly more of the mesh than in the declared one.
+    /// The unit of angles in which a table's photos have the mesh clearly nearer to their centres.
     pub better: Option<AngleUnit>,
 }
 
@@ -41,7 +45,8 @@ impl MeshProof {
         photos: &[Photo],
         bounds_ground: &Bounds3,
     ) -> Result<Self> {
-        let met: Vec<u32> = photos.iter().map(|p| rays_met(p, bounds_ground)).collect();
+        let grid = grid();
+        let offsets: Vec<f64> = photos.iter().map(|p| offset(p, bounds_ground, &grid)).collect();
         let is_in_front = |photo: &&Photo| {
             let ahead = corners(bounds_ground)
                 .filter(|&corner| photo.pose.camera_from_ground(corner).z > 0.0);
@@ -50,14 +55,16 @@ impl MeshProof {
         let mut proof = Self {
             photos: photos.len(),
             in_front: photos.iter().filter(is_in_front).count(),
-            inside: met.iter().filter(|&&rays| rays > 0).count(),
+            inside: offsets.iter().filter(|&&offset| offset < NOWHERE).count(),
             better: None,
         };
         if let (CameraFormat::Table, Some(other)) = (format, options.angle_unit.and_then(other)) {
             let options = CameraOptions { angle_unit: Some(other), ..options.clone() };
             let others = table::read(path, &options)?;
-            let sum = rays_of(&others, photos, bounds_ground);
-            if f64::from(sum) > CLEARLY * f64::from(met.iter().sum::<u32>()) {
+            let mean = |sum: f64| sum / photos.len().max(1) as f64;
+            let declared = mean(offsets.iter().sum());
+            let found = mean(offset_of(&others, photos, bounds_ground, &grid));
+            if CLEARLY * found < declared && declared - found > MATTERS {
                 proof.better = Some(other);
             }
         }
@@ -77,7 +84,7 @@ impl MeshProof {
         if let Some(unit) = better {
             let word = unit.word();
             warnings.push(format!(
-                "the cameras look at more of the mesh if their angles are in {word} (--angle-unit {word})"
+                "the cameras look at the mesh more squarely if their angles are in {word} (--angle-unit {word})"
             ));
         }
         warnings
@@ -93,28 +100,40 @@ fn other(unit: AngleUnit) -> Option<AngleUnit> {
     }
 }
 
-/// The rays that those of `photos` which `draft` has too send to the mesh by `draft`.
-fn rays_of(draft: &Draft, photos: &[Photo], bounds: &Bounds3) -> u32 {
+/// The sum of the offsets of `photos`, with the orientations that `draft` has for them.
+fn offset_of(draft: &Draft, photos: &[Photo], bounds: &Bounds3, grid: &[DVec2]) -> f64 {
+    let name = |p: &DraftPhoto| p.name.replace('\\', "/");
+    let others: BTreeMap<String, &DraftPhoto> = draft.photos.iter().map(|p| (name(p), p)).collect();
     let of = |photo: &Photo| {
-        let other = draft.photos.iter().find(|p| p.name.replace('\\', "/") == photo.name)?;
-        let (lens, pose) = other.orientation.clone().ok()?;
-        Some(rays_met(&Photo { lens, pose, ..photo.clone() }, bounds))
+        let (lens, pose) = others.get(&photo.name)?.orientation.clone().ok()?;
+        Some(offset(&Photo { lens, pose, ..photo.clone() }, bounds, grid))
     };
-    photos.iter().filter_map(of).sum()
+    photos.iter().map(|photo| of(photo).unwrap_or(NOWHERE)).sum()
 }
 
-/// How many of the rays of a grid over the photo meet the box.
-fn rays_met(photo: &Photo, bounds: &Bounds3) -> u32 {
+/// The offset of a photo without the mesh in its picture.
+const NOWHERE: f64 = 1.0;
+
+/// Places in a picture from −1 to 1 along both sides, those near the centre first.
+fn grid() -> Vec<DVec2> {
+    let at = |k: u32| (2.0 * f64::from(k) + 1.0) / f64::from(RAYS) - 1.0;
+    let mut grid: Vec<_> =
+        (0..RAYS * RAYS).map(|k| DVec2::new(at(k % RAYS), at(k / RAYS))).collect();
+    grid.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    grid
+}
+
+/// How far from the picture's centre the nearest ray of the grid is that meets the box, the corner being at 1.
+fn offset(photo: &Photo, bounds: &Bounds3, grid: &[DVec2]) -> f64 {
     let size = photo.lens.size();
-    let size = DVec2::new(f64::from(size.width), f64::from(size.height));
-    let meets = |column: u32, row: u32| {
-        let at = (DVec2::new(f64::from(column), f64::from(row)) + 0.5) / f64::from(RAYS);
-        photo.lens.ray_from_photo(at * size).is_some_and(|ray| {
+    let half = 0.5 * DVec2::new(f64::from(size.width), f64::from(size.height));
+    let meets = |at: &&DVec2| {
+        photo.lens.ray_from_photo(half + half * **at).is_some_and(|ray| {
             let direction = photo.pose.rotation.transpose() * ray.extend(1.0);
             ray_meets(photo.pose.centre_ground, direction, bounds)
         })
     };
-    (0..RAYS * RAYS).map(|k| u32::from(meets(k % RAYS, k / RAYS))).sum()
+    grid.iter().find(meets).map_or(NOWHERE, |at| at.length() * std::f64::consts::FRAC_1_SQRT_2)
 }
 
 /// Whether the ray from `origin` meets the closed box: the slab test of Kay and Kajiya (1986).

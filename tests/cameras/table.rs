@@ -1,0 +1,117 @@
+//! The plain table: angles, units, lens conventions, and its proof by the mesh.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DVec3};
+use groundel::geom::Bounds3;
+use groundel::input::{AngleUnit, CameraFormat, CameraOptions, MeshProof, TableLens, read_cameras};
+
+use crate::rig::{Camera, Rig};
+use crate::writers;
+
+pub(crate) const HEADER: &str = "name,X0,Y0,Z0,omega,phi,kappa,c,x0,y0,k1,k2,k3,p1,p2\n";
+
+/// ω, φ, κ of `R = Rx Ry Rz`, radians, for axes with y up and z backward.
+fn angles(camera: &Camera) -> [f64; 3] {
+    let turn = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+    let r = (camera.rotation.transpose() * turn).transpose().to_cols_array_2d();
+    [(-r[1][2]).atan2(r[2][2]), r[0][2].asin(), (-r[0][1]).atan2(r[0][0])]
+}
+
+/// The rig as a table: angles in units of `unit` radians, lengths in units of `pixel` pixels, coefficients on
+/// positions in units of `scale` focal lengths.
+fn table(rig: &Rig, folder: &Path, [unit, pixel]: [f64; 2], lens: TableLens) -> PathBuf {
+    let mut text = HEADER.to_owned();
+    for camera in &rig.cameras {
+        let ([k1, k2, k3], [p1, p2]) = camera.brown();
+        let c = camera.focal / pixel;
+        let s = if lens == TableLens::Classical { c } else { 1.0 };
+        let [omega, phi, kappa] = angles(camera).map(|a| a / unit);
+        let inner = [
+            (camera.principal.x - 320.0) / pixel,
+            (240.0 - camera.principal.y) / pixel,
+            k1 / s.powi(2),
+            k2 / s.powi(4),
+            k3 / s.powi(6),
+            p1 / s,
+            p2 / s,
+        ];
+        let pose = [&camera.centre.to_array()[..], &[omega, phi, kappa, c], &inner].concat();
+        let numbers: Vec<_> = pose.iter().map(f64::to_string).collect();
+        writeln!(text, "{},{}", camera.name, numbers.join(",")).unwrap();
+    }
+    let path = folder.join("cameras.csv");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+const GON: f64 = std::f64::consts::PI / 200.0;
+
+#[test]
+fn a_table_is_read_to_a_hundredth_of_a_pixel_in_every_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::brown();
+    rig.write_photos(&folder.path().join("photos"));
+    for (angle_unit, unit) in
+        [(AngleUnit::Degrees, DEGREE), (AngleUnit::Gon, GON), (AngleUnit::Radians, 1.0)]
+    {
+        for (pitch, pixel) in [(None, 1.0), (Some(0.0045), 1.0 / 0.0045)] {
+            for lens in [TableLens::OpenCv, TableLens::Classical] {
+                let path = table(&rig, folder.path(), [unit, pixel], lens);
+                let options = CameraOptions {
+                    angle_unit: Some(angle_unit),
+                    pixel_pitch_mm: pitch,
+                    lens,
+                    ..writers::options(folder.path())
+                };
+                let cameras = read_cameras(&path, &options).unwrap();
+                assert_eq!((cameras.format, cameras.proof), (CameraFormat::Table, None));
+                let error = rig.greatest_error(&cameras.set);
+                assert!(error < 0.01, "{angle_unit:?} {pitch:?} {lens:?}: {error} px");
+            }
+        }
+    }
+}
+
+#[test]
+fn angles_in_another_unit_than_declared_are_detected_by_the_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::brown();
+    rig.write_photos(&folder.path().join("photos"));
+    let bounds = Bounds3::of(rig.points.iter().copied());
+    for (unit, declared, better) in [
+        (DEGREE, AngleUnit::Degrees, None),
+        (GON, AngleUnit::Gon, None),
+        (DEGREE, AngleUnit::Gon, Some(AngleUnit::Degrees)),
+        (GON, AngleUnit::Degrees, Some(AngleUnit::Gon)),
+    ] {
+        let path = table(&rig, folder.path(), [unit, 1.0], TableLens::OpenCv);
+        let options =
+            CameraOptions { angle_unit: Some(declared), ..writers::options(folder.path()) };
+        let set = read_cameras(&path, &options).unwrap().set;
+        let proof =
+            MeshProof::of((&path, CameraFormat::Table, &options), &set.photos, &bounds).unwrap();
+        assert_eq!(proof.better, better, "{proof:?}");
+        assert_eq!(proof.warnings().is_empty(), better.is_none(), "{:?}", proof.warnings());
+    }
+}
+
+#[test]
+fn a_table_without_unit_or_photos_is_a_usage_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::brown();
+    let path = table(&rig, folder.path(), [1.0, 1.0], TableLens::OpenCv);
+    let e = read_cameras(&path, &CameraOptions::default()).unwrap_err();
+    assert!(e.exit_code() == 2 && e.to_string().contains("--angle-unit"), "{e}");
+    let options =
+        CameraOptions { angle_unit: Some(AngleUnit::Radians), ..CameraOptions::default() };
+    let e = read_cameras(&path, &options).unwrap_err();
+    assert!(e.exit_code() == 2 && e.to_string().contains("--photos"), "{e}");
+    let options =
+        CameraOptions { angle_unit: options.angle_unit, ..writers::options(folder.path()) };
+    let set = read_cameras(&path, &options).unwrap().set;
+    assert_eq!((set.photos.len(), set.left_out.len()), (0, 6), "no photo is there");
+    assert!(set.left_out[0].reason.contains("size"), "{:?}", set.left_out[0]);
+}
