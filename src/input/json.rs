@@ -38,7 +38,7 @@ pub(super) fn read<T: DeserializeOwned>(path: &Path, what: &str) -> Result<T> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Number(pub(super) f64);
 
-/// What something is known by: a text, or a whole number.
+/// What something is known by: a text, or a whole number or truth value as one.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Id(pub(super) String);
 
@@ -189,10 +189,14 @@ impl Visitor<'_> for IdVisitor {
     type Value = Id;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a number or a text")
+        f.write_str("a whole number or a text")
     }
 
     fn visit_u64<E: serde::de::Error>(self, value: u64) -> std::result::Result<Id, E> {
+        Ok(Id(value.to_string()))
+    }
+
+    fn visit_bool<E: serde::de::Error>(self, value: bool) -> std::result::Result<Id, E> {
         Ok(Id(value.to_string()))
     }
 

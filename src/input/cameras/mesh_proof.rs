@@ -1,8 +1,8 @@
 //! [`MeshProof`]: whether cameras look at the mesh, the proof that needs no tie points.
 //!
 //! In: cameras and the bounds of the mesh, ground. Out: how many have the mesh in front of them and in their picture;
-//! for a plain table, whether its angles would bring the mesh nearer to the pictures' centres in the other unit: photos
-//! are taken of something. That is a hint, not a proof: photos that look straight along an axis are alike in both.
+//! for a plain table, whether its photos would look more squarely at the middle of the mesh if its angles were in the other
+//! unit. That is a hint, not a proof: photos of parts of a large mesh look past its middle in either.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,10 +17,10 @@ use crate::input::table;
 
 /// Rays a side of each photo that are tried.
 const RAYS: u32 = 15;
-/// Another unit is better if it brings the mesh so many times nearer to the pictures' centres…
-const CLEARLY: f64 = 2.0;
-/// …and by at least this part of the way from the centre to the corner.
-const MATTERS: f64 = 0.02;
+/// Another unit is better if the photos look so many times more squarely at the mesh…
+const CLEARLY: f64 = 1.5;
+/// …and by at least this angle: three degrees.
+const MATTERS_RAD: f64 = 0.05;
 
 /// Whether cameras look at the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,7 +31,7 @@ pub struct MeshProof {
     pub in_front: usize,
     /// How many have the bounds in their picture, by 15 × 15 rays.
     pub inside: usize,
-    /// The unit of angles in which a table's photos have the mesh clearly nearer to their centres.
+    /// The unit of angles in which a table's photos look clearly more squarely at the mesh.
     pub better: Option<AngleUnit>,
 }
 
@@ -45,8 +45,6 @@ impl MeshProof {
         photos: &[Photo],
         bounds_ground: &Bounds3,
     ) -> Result<Self> {
-        let grid = grid();
-        let offsets: Vec<f64> = photos.iter().map(|p| offset(p, bounds_ground, &grid)).collect();
         let is_in_front = |photo: &&Photo| {
             let ahead = corners(bounds_ground)
                 .filter(|&corner| photo.pose.camera_from_ground(corner).z > 0.0);
@@ -55,16 +53,15 @@ impl MeshProof {
         let mut proof = Self {
             photos: photos.len(),
             in_front: photos.iter().filter(is_in_front).count(),
-            inside: offsets.iter().filter(|&&offset| offset < NOWHERE).count(),
+            inside: photos.iter().filter(|p| is_inside(p, bounds_ground)).count(),
             better: None,
         };
         if let (CameraFormat::Table, Some(other)) = (format, options.angle_unit.and_then(other)) {
             let options = CameraOptions { angle_unit: Some(other), ..options.clone() };
             let others = table::read(path, &options)?;
-            let mean = |sum: f64| sum / photos.len().max(1) as f64;
-            let declared = mean(offsets.iter().sum());
-            let found = mean(offset_of(&others, photos, bounds_ground, &grid));
-            if CLEARLY * found < declared && declared - found > MATTERS {
+            let declared = squint(photos, bounds_ground);
+            let found = squint(&reoriented(photos, &others), bounds_ground);
+            if CLEARLY * found < declared && declared - found > MATTERS_RAD {
                 proof.better = Some(other);
             }
         }
@@ -100,40 +97,40 @@ fn other(unit: AngleUnit) -> Option<AngleUnit> {
     }
 }
 
-/// The sum of the offsets of `photos`, with the orientations that `draft` has for them.
-fn offset_of(draft: &Draft, photos: &[Photo], bounds: &Bounds3, grid: &[DVec2]) -> f64 {
+/// The photos with the orientations that `draft` has for them.
+fn reoriented(photos: &[Photo], draft: &Draft) -> Vec<Photo> {
     let name = |p: &DraftPhoto| p.name.replace('\\', "/");
     let others: BTreeMap<String, &DraftPhoto> = draft.photos.iter().map(|p| (name(p), p)).collect();
     let of = |photo: &Photo| {
         let (lens, pose) = others.get(&photo.name)?.orientation.clone().ok()?;
-        Some(offset(&Photo { lens, pose, ..photo.clone() }, bounds, grid))
+        Some(Photo { lens, pose, ..photo.clone() })
     };
-    photos.iter().map(|photo| of(photo).unwrap_or(NOWHERE)).sum()
+    photos.iter().filter_map(of).collect()
 }
 
-/// The offset of a photo without the mesh in its picture.
-const NOWHERE: f64 = 1.0;
-
-/// Places in a picture from −1 to 1 along both sides, those near the centre first.
-fn grid() -> Vec<DVec2> {
-    let at = |k: u32| (2.0 * f64::from(k) + 1.0) / f64::from(RAYS) - 1.0;
-    let mut grid: Vec<_> =
-        (0..RAYS * RAYS).map(|k| DVec2::new(at(k % RAYS), at(k / RAYS))).collect();
-    grid.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
-    grid
+/// The mean angle between the viewing axes and the directions to the middle of the box, radians.
+fn squint(photos: &[Photo], bounds: &Bounds3) -> f64 {
+    let middle = 0.5 * (bounds.min + bounds.max);
+    let angle = |photo: &Photo| {
+        let p = photo.pose.camera_from_ground(middle);
+        libm::atan2(p.truncate().length(), p.z)
+    };
+    photos.iter().map(angle).sum::<f64>() / photos.len().max(1) as f64
 }
 
-/// How far from the picture's centre the nearest ray of the grid is that meets the box, the corner being at 1.
-fn offset(photo: &Photo, bounds: &Bounds3, grid: &[DVec2]) -> f64 {
+/// Whether a ray of a grid over the photo meets the box.
+fn is_inside(photo: &Photo, bounds: &Bounds3) -> bool {
     let size = photo.lens.size();
-    let half = 0.5 * DVec2::new(f64::from(size.width), f64::from(size.height));
-    let meets = |at: &&DVec2| {
-        photo.lens.ray_from_photo(half + half * **at).is_some_and(|ray| {
+    let size = DVec2::new(f64::from(size.width), f64::from(size.height));
+    let meets = |k: u32| {
+        let at = DVec2::new(f64::from(k % RAYS), f64::from(k / RAYS)) + 0.5;
+        photo.lens.ray_from_photo(size * at / f64::from(RAYS)).is_some_and(|ray| {
             let direction = photo.pose.rotation.transpose() * ray.extend(1.0);
             ray_meets(photo.pose.centre_ground, direction, bounds)
         })
     };
-    grid.iter().find(meets).map_or(NOWHERE, |at| at.length() * std::f64::consts::FRAC_1_SQRT_2)
+    // Of the middle first, where most photos have it.
+    (RAYS * RAYS / 2..RAYS * RAYS).chain(0..RAYS * RAYS / 2).any(meets)
 }
 
 /// Whether the ray from `origin` meets the closed box: the slab test of Kay and Kajiya (1986).
