@@ -5,6 +5,7 @@
 mod faults;
 mod formats;
 mod hostile;
+mod job;
 mod rig;
 mod table;
 mod writers;

@@ -13,7 +13,7 @@ use crate::writers;
 pub(crate) const HEADER: &str = "name,X0,Y0,Z0,omega,phi,kappa,c,x0,y0,k1,k2,k3,p1,p2\n";
 
 /// ω, φ, κ of `R = Rx Ry Rz`, radians, for axes with y up and z backward.
-fn angles(camera: &Camera) -> [f64; 3] {
+pub(crate) fn angles(camera: &Camera) -> [f64; 3] {
     let turn = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
     let r = (camera.rotation.transpose() * turn).transpose().to_cols_array_2d();
     [(-r[1][2]).atan2(r[2][2]), r[0][2].asin(), (-r[0][1]).atan2(r[0][0])]

@@ -19,8 +19,8 @@ use crate::input::table;
 const RAYS: u32 = 15;
 /// Another unit is better if the photos look so many times more squarely at the mesh…
 const CLEARLY: f64 = 1.5;
-/// …and by at least this angle: three degrees.
-const MATTERS_RAD: f64 = 0.05;
+/// …and by at least this angle: two degrees.
+const MATTERS_RAD: f64 = 0.035;
 
 /// Whether cameras look at the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
