@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::Partitions;
 use super::pixel_size::weighted_median;
@@ -21,8 +21,10 @@ const UPRIGHT: f64 = 0.342;
 const PARTS: usize = 720;
 /// Directions within so many parts of a part count for it: 3°.
 const SPREAD: usize = 12;
-/// Angles within which directions are averaged, one after another: 8°, 4°, 4°.
-const NEAR: [f64; 3] = [8.0, 4.0, 4.0];
+/// Angle within which a face is of the wall, bumps and mouldings included: 20°.
+const NEAR: f64 = 20.0;
+/// Thickness of the layer in which the wall is sought, one after another: parts of its length.
+const LAYERS: [f64; 5] = [0.1, 0.05, 0.02, 0.02, 0.02];
 /// The origin is a whole multiple of this, metres.
 const TIDY: f64 = 0.001;
 
@@ -41,10 +43,12 @@ struct Patch {
 ///
 /// 1. Of some faces, evenly spread over the mesh, those of walls are kept (normal within 20° of the horizon), each with
 ///    the area that it has in the photos that have it before them and in their frame; what hides what is not looked at.
-/// 2. The direction is that in which most of this area faces: the fullest 3° of a histogram, then the mean of what lies
-///    within 8°, 4° and 4° of it, so that clutter and side walls do not count.
-/// 3. The origin is the median of the faces that face so, by the same weight: its distance along n is the wall's, so
-///    elevations are small on it.
+/// 2. The direction in which most of this area faces is the fullest 3° of a histogram; only faces within 20° of it count
+///    from here on.
+/// 3. The wall is the fullest layer of these faces that is square to that direction; the line that fits it best, by least
+///    squares, turns the direction. This is done five times, with layers from a tenth to a fiftieth of the wall's length,
+///    so that clutter, side walls and what stands back do not count.
+/// 4. The origin is the median of the faces of that layer: elevations are small on the wall.
 ///
 /// # Errors
 /// [`Error::Usage`] if the photos show no wall; errors of reading the mesh.
@@ -57,15 +61,18 @@ pub fn fit_plane(mesh: &impl Partitions, photos: &[Photo], up: DVec3) -> Result<
     let up = up.try_normalize().ok_or_else(nothing)?;
     let (east, north) = horizontal(up);
     let patches = patches(mesh, photos, up, [east, north])?;
-    let mut angle = fullest(&patches).ok_or_else(nothing)?;
-    for near in NEAR {
-        angle = mean_near(&patches, angle, near.to_radians());
+    let first = fullest(&patches).ok_or_else(nothing)?;
+    let near = |p: &&Patch| half_turn(p.angle - first).abs() < NEAR.to_radians();
+    let facing: Vec<&Patch> = patches.iter().filter(near).collect();
+    let along = |angle: f64| east * libm::cos(angle) + north * libm::sin(angle);
+    let (mut angle, mut wall) = (first, facing.clone());
+    for part in LAYERS {
+        let (u, n) = (along(angle - 0.5 * PI), along(angle));
+        let layer = layer(&facing, u, n, part);
+        angle += libm::atan(slope(&layer, u, n));
+        wall = layer;
     }
-    let normal = east * libm::cos(angle) + north * libm::sin(angle);
-    let facing: Vec<&Patch> = patches
-        .iter()
-        .filter(|p| half_turn(p.angle - angle).abs() < NEAR[0].to_radians())
-        .collect();
+    let (normal, facing) = (along(angle), wall);
     let median = |of: &dyn Fn(DVec3) -> f64| {
         let mut pairs: Vec<_> = facing.iter().map(|p| (of(p.middle), p.weight)).collect();
         weighted_median(&mut pairs)
@@ -169,13 +176,41 @@ fn fullest(patches: &[Patch]) -> Option<f64> {
     (around(best) > 0.0).then(|| (middle / PARTS as f64 * PI).rem_euclid(PI))
 }
 
-/// The weighted mean of the angles within `near` of `angle`.
-fn mean_near(patches: &[Patch], angle: f64, near: f64) -> f64 {
-    let sum = patches.iter().fold(DVec2::ZERO, |sum, p| {
-        let off = half_turn(p.angle - angle);
-        if off.abs() < near { sum + DVec2::new(off * p.weight, p.weight) } else { sum }
-    });
-    if sum.y > 0.0 { angle + sum.x / sum.y } else { angle }
+/// Step 3: the patches in the fullest layer square to `n`, as thick as a part of their length along `u`.
+fn layer<'a>(patches: &[&'a Patch], u: DVec3, n: DVec3, part: f64) -> Vec<&'a Patch> {
+    let total: f64 = patches.iter().map(|p| p.weight).sum();
+    let mean = patches.iter().map(|p| p.middle.dot(u) * p.weight).sum::<f64>() / total;
+    let variance =
+        patches.iter().map(|p| (p.middle.dot(u) - mean).powi(2) * p.weight).sum::<f64>() / total;
+    // √12 standard deviations are the length of a wall that is seen evenly.
+    let thickness = part * (12.0 * variance).sqrt();
+    let mut sorted: Vec<_> = patches.iter().map(|p| (p.middle.dot(n), *p)).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut first, mut held, mut best) = (0, 0.0, (0.0, 0..0));
+    for (last, (offset, patch)) in sorted.iter().enumerate() {
+        held += patch.weight;
+        while sorted[first].0 < offset - thickness {
+            held -= sorted[first].1.weight;
+            first += 1;
+        }
+        if held > best.0 {
+            best = (held, first..last + 1);
+        }
+    }
+    sorted[best.1].iter().map(|(_, patch)| *patch).collect()
+}
+
+/// How much the line of least squares through patches rises along `n` for a metre along −`u`.
+fn slope(patches: &[&Patch], u: DVec3, n: DVec3) -> f64 {
+    let total: f64 = patches.iter().map(|p| p.weight).sum();
+    let mean = patches.iter().map(|p| p.middle * p.weight).sum::<DVec3>() / total;
+    let (mut up, mut along) = (0.0, 0.0);
+    for p in patches {
+        let d = p.middle - mean;
+        up += p.weight * d.dot(u) * d.dot(n);
+        along += p.weight * d.dot(u) * d.dot(u);
+    }
+    if along > 0.0 { up / along } else { 0.0 }
 }
 
 /// An angle brought to ± π/2 by half turns.
