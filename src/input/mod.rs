@@ -18,6 +18,8 @@ mod labels;
 mod mesh;
 mod metashape;
 mod micmac;
+#[cfg(test)]
+mod mutation;
 mod obj;
 mod openmvg;
 mod opensfm;

@@ -286,4 +286,16 @@ mod tests {
         let e = read_text(GOOD, Some("1 2")).unwrap_err().to_string();
         assert!(e.contains("site_offset.xyz") && e.contains("three finite numbers"), "{e}");
     }
+
+    #[test]
+    fn a_damaged_file_is_an_error_or_cameras() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("site_calibrated_camera_parameters.txt");
+        for bad in super::super::mutation::damaged(GOOD.as_bytes(), 3000) {
+            fs::write(&path, bad).unwrap();
+            if let Err(e) = read(&path, &CameraOptions::default()) {
+                assert_eq!(e.exit_code(), 2, "{e}");
+            }
+        }
+    }
 }

@@ -9,6 +9,7 @@ use super::read;
 use crate::Result;
 use crate::camera::Pose;
 use crate::input::cameras::{CameraOptions, Draft};
+use crate::input::mutation::damaged;
 
 /// A calibration as Metashape states it.
 #[derive(Clone, Copy)]
@@ -273,4 +274,25 @@ fn what_makes_no_cameras_is_an_error_with_its_place() {
     let e = message(&document(&FRAME.sensor(0), "", &turned, ""));
     assert!(e.contains("line ") && e.contains("16 finite numbers"), "{e}");
     assert!(message("<scene/>").contains("<document>"));
+}
+
+#[test]
+fn a_damaged_document_is_an_error_or_cameras() {
+    let sensors = FRAME.sensor(0) + &FISHEYE.sensor(1);
+    let cameras = camera(0, 0, "a.jpg", "") + &camera(1, 1, "b.jpg", "");
+    let good = document(&sensors, "", &cameras, &transform());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cameras.xml");
+    let mut errors = 0;
+    for bad in damaged(good.as_bytes(), 3000) {
+        fs::write(&path, bad).unwrap();
+        match read(&path, &CameraOptions::default()) {
+            Ok(draft) => assert!(draft.photos.len() <= 4),
+            Err(e) => {
+                assert!(e.exit_code() == 2 && e.to_string().contains("cameras.xml"), "{e}");
+                errors += 1;
+            }
+        }
+    }
+    assert!((1000..3000).contains(&errors), "{errors} errors");
 }

@@ -8,6 +8,7 @@ use glam::{DMat3, DVec2, DVec3};
 use super::{is_folder, read};
 use crate::Result;
 use crate::input::cameras::{CameraOptions, Draft};
+use crate::input::mutation::damaged;
 
 const F: f64 = 4231.5;
 const PP: [f64; 2] = [2310.25, 1544.75];
@@ -191,4 +192,22 @@ fn what_makes_no_cameras_is_an_error_with_file_and_line() {
     let folder = tempfile::tempdir().unwrap();
     assert!(!is_folder(folder.path()).unwrap());
     assert!(read(folder.path(), &CameraOptions::default()).is_err());
+}
+
+#[test]
+fn a_damaged_file_is_an_error_or_cameras() {
+    let good =
+        [("Orientation-a.xml", orientation(BESIDE, P)), ("AutoCal.xml", calibration(STANDARD))];
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in &good {
+        for bad in damaged(text.as_bytes(), 1500) {
+            for (name, text) in &good {
+                fs::write(folder.path().join(name), text).unwrap();
+            }
+            fs::write(folder.path().join(name), bad).unwrap();
+            if let Err(e) = read(folder.path(), &CameraOptions::default()) {
+                assert_eq!(e.exit_code(), 2, "{e}");
+            }
+        }
+    }
 }

@@ -130,3 +130,26 @@ fn the_table_gives_cameras() {
         assert!(e.contains("cameras.csv") && e.contains(what), "{e}");
     }
 }
+
+#[test]
+fn a_damaged_file_is_an_error_or_cameras() {
+    let folder = photos(&["a.png"]);
+    let (rotation, centre) = truth();
+    let good = xmp("brown4t2", "xcr:AspectRatio=\"1.01\"", rotation, centre);
+    let row =
+        format!("#name,{}\na,1,2,3,90,0,0,27.5,0.01,-0.02,-0.12,0.1,0,0,0,0\n", COLUMNS.join(","));
+    let table = folder.path().join("cameras.csv");
+    let check = |path: &Path| {
+        if let Err(e) = read(path, &options(&folder)) {
+            assert_eq!(e.exit_code(), 2, "{e}");
+        }
+    };
+    for bad in crate::input::mutation::damaged(good.as_bytes(), 1500) {
+        fs::write(folder.path().join("a.xmp"), bad).unwrap();
+        check(folder.path());
+    }
+    for bad in crate::input::mutation::damaged(row.as_bytes(), 1500) {
+        fs::write(&table, bad).unwrap();
+        check(&table);
+    }
+}

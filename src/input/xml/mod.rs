@@ -1,4 +1,4 @@
-//! XML as other tools write it, read whole into [`Element`]s.
+//! XML as other tools write it, read whole into elements, each asked through its [`Node`].
 //!
 //! In: a file. Out: its elements with the line of each. Promises: nothing beyond the limits of [`read_xml`] is held;
 //! no document type, so no entity but the five of XML itself is ever expanded; names stand without their prefix.
