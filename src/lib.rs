@@ -34,11 +34,11 @@
 //! | [`image`] | row-major pixel buffers, owned and borrowed | geom |
 //! | [`camera`] | lens models and pose | geom |
 //! | [`frame`] | what the mosaic is drawn on; mosaic ↔ ground | geom camera |
-//! | [`raster`] | triangle scan conversion and fill rule; knows no mesh and no photo | geom image |
+//! | [`raster`] | triangle scan conversion and fill rule, lines through triangles; knows no mesh and no photo | geom image |
 //! | [`synthetic`] | analytic scenes with known answers, for the demo, tests and benches | geom image camera frame |
 //! | [`input`] | foreign formats, checked at the door, streamed | geom camera frame |
 //! | [`store`] | our immutable files: mesh partitions, photo tiles and indexes | geom image camera input |
-//! | [`plan`] | default extent and pixel size, what is needed of each photo, and the checks before the first tile | geom camera frame store |
+//! | [`plan`] | default plane, extent and pixel size, what is needed of each photo, and the checks before the first tile | geom camera frame store |
 //! | [`surface`] | what the projection sees: elevation and face per mosaic pixel | geom image frame raster |
 //! | [`visibility`] | where one photo sees that surface | geom image camera frame raster surface |
 //! | [`sample`] | colour of the visible pixels from one photo window | geom image visibility |

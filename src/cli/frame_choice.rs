@@ -166,7 +166,7 @@ mod tests {
         let fit =
             OrthoArgs { view: Some(View::Fit), up: Some([0.0, 1.0, 0.0]), ..Default::default() };
         let Ok(FrameChoice::Fit(found)) = frame(&fit, Some(facade())) else { panic!("a fit") };
-        assert_eq!(found.up, [0.0, 1.0, 0.0]);
+        assert_eq!(found.up.map(f64::to_bits), [0.0_f64, 1.0, 0.0].map(f64::to_bits));
         let up =
             OrthoArgs { up: Some([0.0, 0.0, 1.0]), view: Some(View::Top), ..Default::default() };
         assert!(matches!(plane(&up, None), Err(Error::Usage(_))));

@@ -102,9 +102,11 @@ pub(super) fn metres(text: &str) -> Parsed<f64> {
 
 /// `X,Y,Z;X,Y,Z;X,Y,Z`.
 pub(super) fn plane_points(text: &str) -> Parsed<[[f64; 3]; 3]> {
-    let points: Vec<_> = text.split(';').map(|p| numbers::<3>(p)).collect::<Parsed<_>>()?;
-    let three = <[[f64; 3]; 3]>::try_from(points);
-    check_plane_points(three.map_err(|_| "expected three points X,Y,Z separated by semicolons")?)
+    let points: Vec<_> = text.split(';').map(numbers::<3>).collect::<Parsed<_>>()?;
+    match points[..] {
+        [a, b, c] => check_plane_points([a, b, c]),
+        _ => Err("expected three points X,Y,Z separated by semicolons".into()),
+    }
 }
 
 /// Three points that span a plane.

@@ -270,7 +270,7 @@ impl AroundAxis {
         // A triangle beside the axis is seen from it under less than half a turn.
         let [b, c] = [b, c].map(|p| half_turn(p.angle - a.angle));
         let (from, to) = (b.min(c).min(0.0), b.max(c).max(0.0));
-        (to - from < 0.999 * std::f64::consts::PI).then(|| [a.angle + from, a.angle + to])
+        (to - from < 0.999 * std::f64::consts::PI).then_some([a.angle + from, a.angle + to])
     }
 }
 

@@ -2,8 +2,8 @@
 //!
 //! In: a frame as the user wrote it ([`FrameTable`], the keys of a frame file or of the project file's `[frame]`). Out: a
 //! checked [`FrameSpec`], and the [`Mosaic`]: its grid of pixels, which [`LocalMosaic`] relates to the local coordinates
-//! of a mesh store. Of a cylinder and of a perspective view, [`Block`] holds the lines of a rectangle of pixels. [`frame_toml`] writes the frame beside a mosaic; what it writes reads back to the
-//! same bytes.
+//! of a mesh store. Of a cylinder and of a perspective view, [`Block`] holds the lines of a rectangle of pixels.
+//! [`frame_toml`] writes the frame beside a mosaic; what it writes reads back to the same bytes.
 //!
 //! Promises: pure functions in plain f64 (+ − × ÷ √), the same on every machine; the upper-left corner of the upper-left
 //! pixel is exactly (`u_min`, `v_max`); mosaic → ground → mosaic closes to 1e-6 pixel or 4 ulp of the largest coordinate.

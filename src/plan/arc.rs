@@ -107,7 +107,7 @@ fn mark(taken: &mut [bool], from: f64, to: f64) {
 /// The angle in the middle of the longest run of parts that are not taken; `None` if all are.
 fn widest_gap(taken: &[bool]) -> Option<f64> {
     let first = taken.iter().position(|&t| t)?;
-    let (mut best, mut run) = ((0, 0), 0);
+    let (mut best, mut run) = ((0_usize, 0), 0);
     for k in first..=first + taken.len() {
         if taken[k % taken.len()] {
             if run > best.0 {

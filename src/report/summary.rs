@@ -21,10 +21,8 @@ impl Report {
 
     fn mosaic_line(&self) -> String {
         let frame = &self.frame;
-        let mut size = format!("{} × {} pixels", frame.width, frame.height);
-        if let Some(pixel_size) = frame.pixel_size {
-            size += &format!(" of {pixel_size} m");
-        }
+        let side = frame.pixel_size.map(|p| format!(" of {p} m")).unwrap_or_default();
+        let size = format!("{} × {} pixels{side}", frame.width, frame.height);
         match self.outputs.last() {
             Some(mosaic) => {
                 format!("{}: {size}, {} MiB", mosaic.file, mosaic.bytes.div_ceil(1 << 20))

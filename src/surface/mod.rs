@@ -2,7 +2,7 @@
 //!
 //! In: a rectangle of the mosaic and the mesh's partitions that may cover it, in ascending order. Out: a
 //! [`SurfaceTile`]. Of the faces whose projection holds a pixel's centre, the one with the greatest elevation within
-//! the slab wins; ties go to the lowest face id. Promise: the answer for a pixel depends on the mesh and the mosaic
+//! the slab wins, in a perspective view the one with the least depth; ties go to the lowest face id. Promise: the answer for a pixel depends on the mesh and the mosaic
 //! alone, not on the rectangle. Does not ask whether any photo sees it.
 //!
 //! T. Grammatikopoulos, I. Kalisperakis, G. Karras, T. Kokkinos, E. Petsa (2004), "Automatic multi-image

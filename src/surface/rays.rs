@@ -19,6 +19,14 @@ struct Hit {
     is_front: bool,
 }
 
+/// What is shown of a line.
+#[derive(Clone, Copy)]
+struct Rule {
+    slab: [f64; 2],
+    /// Else the least.
+    greatest_wins: bool,
+}
+
 impl SurfaceBuilder {
     pub(super) fn add_to_cylinder(&mut self, cylinder: &LocalCylinder, faces: &FaceBlock<'_>) {
         let mut around = std::mem::take(&mut self.around);
@@ -51,6 +59,7 @@ impl SurfaceBuilder {
         let inside = |v: i64, from: i64| usize::try_from(v - from).expect("inside the tile");
         let corners = faces.corners(k);
         let mut known = Sides::default();
+        let rule = Rule { slab: cylinder.slab(), greatest_wins: true };
         for y in part.y0..part.y1 {
             let row = inside(y, rect.y0);
             let origin = self.block.cylinder().ray(0, row).origin;
@@ -65,7 +74,7 @@ impl SurfaceBuilder {
                     elevation: cylinder.elevation(t.min(greatest)) + 0.0,
                     is_front: outward != cylinder.shows_nearest(),
                 };
-                self.enter(cylinder.slab(), true, faces, k, &hit, &mut known);
+                self.enter(rule, (faces, k), &hit, &mut known);
             }
         }
     }
@@ -74,6 +83,7 @@ impl SurfaceBuilder {
         self.projected.clear();
         self.projected.extend(faces.positions.iter().map(|&p| central.camera_from_local(p)));
         let centre = central.centre();
+        let rule = Rule { slab: central.slab(), greatest_wins: false };
         let mut pixels = Vec::new();
         for (k, corners) in faces.triangles.iter().enumerate() {
             pixels.clear();
@@ -94,7 +104,7 @@ impl SurfaceBuilder {
                 if elevation > 0.0 {
                     let is_front = triangle.normal().dot(direction) < 0.0;
                     let hit = Hit { at, elevation, is_front };
-                    self.enter(central.slab(), false, faces, k, &hit, &mut known);
+                    self.enter(rule, (faces, k), &hit, &mut known);
                 }
             }
         }
@@ -104,10 +114,8 @@ impl SurfaceBuilder {
     /// id, ties of one id to the earlier triangle in the store.
     fn enter(
         &mut self,
-        [low, high]: [f64; 2],
-        greatest_wins: bool,
-        faces: &FaceBlock<'_>,
-        k: usize,
+        Rule { slab: [low, high], greatest_wins }: Rule,
+        (faces, k): (&FaceBlock<'_>, usize),
         hit: &Hit,
         known: &mut Sides,
     ) {

@@ -14,7 +14,7 @@ const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 fn render(mosaic: &LocalMosaic, rect: PixelRect, faces: &[([DVec3; 3], u32)]) -> SurfaceTile {
     let mut builder = SurfaceBuilder::default();
-    builder.start(&mosaic, rect);
+    builder.start(mosaic, rect);
     for (corners, id) in faces {
         let block = FaceBlock {
             positions: corners,
