@@ -15,7 +15,7 @@ pub struct RayTriangle {
     rounding: f64,
 }
 
-/// Rounding of d · (a × b), in units of (largest coordinate of the corners)² · (|d_x| + |d_y| + |d_z|): 16 × 2⁻⁵³. A
+/// Rounding of d · (a × b), in units of (largest coordinate of the corners)² · (sum of |d|): 16 × 2⁻⁵³. A
 /// component of the cross product is off by at most 4 u M², the dot product adds at most 8 u M² |d|; room left.
 const ROUNDING: f64 = 16.0 / 9_007_199_254_740_992.0;
 
