@@ -15,11 +15,11 @@ pub struct RayTriangle {
     rounding: f64,
 }
 
-/// Rounding of d · (a × b), in units of (largest coordinate of the corners)² · (sum of |d|): 16 × 2⁻⁵³. A
-/// component of the cross product is off by at most 4 u M², the dot product adds at most 8 u M² |d|; room left.
-const ROUNDING: f64 = 16.0 / 9_007_199_254_740_992.0;
-
 impl RayTriangle {
+    /// Rounding of d · (a × b), in units of (largest coordinate of the corners)² · (sum of |d|): 16 × 2⁻⁵³. A component
+    /// of the cross product is off by at most 4 u M², the dot product adds at most 8 u M² |d|; room left.
+    pub const ROUNDING: f64 = 16.0 / 9_007_199_254_740_992.0;
+
     /// The triangle with these corners.
     #[inline]
     pub fn new([a, b, c]: [DVec3; 3]) -> Self {
@@ -29,7 +29,7 @@ impl RayTriangle {
             edges: [b.cross(c), c.cross(a), a.cross(b)],
             normal,
             offset: normal.dot(a),
-            rounding: ROUNDING * largest * largest,
+            rounding: Self::ROUNDING * largest * largest,
         }
     }
 
@@ -38,20 +38,16 @@ impl RayTriangle {
         self.normal
     }
 
-    /// The t > 0 at which `t · direction` lies on the triangle; `None` if it does nowhere, or the line lies in the
-    /// triangle's plane.
+    /// The t at which `t · direction` lies on the triangle, of either sign; `None` if it does nowhere, or the line lies in
+    /// the triangle's plane: seen exactly edge-on it has no extent, and its neighbours decide.
     #[inline]
-    pub fn hit(&self, direction: DVec3) -> Option<f64> {
+    pub fn meet(&self, direction: DVec3) -> Option<f64> {
         let [e0, e1, e2] = self.edges.map(|edge| edge.dot(direction));
         let zero = self.rounding * direction.abs().element_sum();
         let (least, greatest) = (e0.min(e1).min(e2), e0.max(e1).max(e2));
         let inside = (least >= -zero && greatest > zero) || (greatest <= zero && least < -zero);
         let facing = self.normal.dot(direction);
-        if !inside || facing == 0.0 {
-            return None;
-        }
-        let t = self.offset / facing;
-        (t > 0.0 && t.is_finite()).then_some(t)
+        (inside && facing != 0.0).then(|| self.offset / facing)
     }
 }
 
@@ -61,13 +57,13 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_triangle_is_met_before_the_point_and_not_behind_it() {
+    fn a_triangle_is_met_before_the_point_or_behind_it_and_not_beside() {
         let corners = [(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)].map(|(x, y)| DVec3::new(x, y, 4.0));
         let triangle = RayTriangle::new(corners);
-        assert_eq!(triangle.hit(DVec3::Z), Some(4.0));
-        assert_eq!(triangle.hit(DVec3::NEG_Z), None);
-        assert_eq!(triangle.hit(DVec3::X), None);
-        assert_eq!(triangle.hit(DVec3::new(0.9, 0.9, 1.0)), None);
+        assert_eq!(triangle.meet(DVec3::Z), Some(4.0));
+        assert_eq!(triangle.meet(DVec3::NEG_Z), Some(-4.0));
+        assert_eq!(triangle.meet(DVec3::X), None);
+        assert_eq!(triangle.meet(DVec3::new(0.9, 0.9, 1.0)), None);
     }
 
     proptest! {
@@ -84,7 +80,7 @@ mod tests {
             ];
             let middle = corner(inner[0], inner[1], 2.0);
             let fan = [0, 1, 2, 3].map(|k: usize| RayTriangle::new([rim[k], rim[(k + 1) % 4], middle]));
-            let hits = |d: DVec3| fan.iter().filter(|t| t.hit(d).is_some()).count();
+            let hits = |d: DVec3| fan.iter().filter(|t| t.meet(d).is_some()).count();
             prop_assert!(hits(DVec3::new(at[0], at[1], 1.0)) >= 1);
             // Through the middle, all four.
             prop_assert_eq!(hits(middle), 4);

@@ -67,7 +67,8 @@ impl SurfaceBuilder {
             for x in part.x0..part.x1 {
                 let column = inside(x, rect.x0);
                 let direction = self.block.cylinder().ray(column, row).direction;
-                let Some(t) = triangle.hit(direction) else { continue };
+                // On the other side of the axis lies another pixel's ground.
+                let Some(t) = triangle.meet(direction).filter(|&t| t > 0.0) else { continue };
                 let outward = triangle.normal().dot(direction) > 0.0;
                 let hit = Hit {
                     at: row * rect.width() + column,
@@ -99,7 +100,7 @@ impl SurfaceBuilder {
             let mut known = Sides::default();
             for &at in &pixels {
                 let direction = self.block.central().direction(at);
-                let Some(t) = triangle.hit(direction) else { continue };
+                let Some(t) = triangle.meet(direction) else { continue };
                 let elevation = t.clamp(near, far);
                 if elevation > 0.0 {
                     let is_front = triangle.normal().dot(direction) < 0.0;

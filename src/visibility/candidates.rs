@@ -13,9 +13,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::face_test;
 use super::photo::{Shaft, ViewPhoto, ray_of, to_camera};
 use crate::geom::{Bounds2, FaceBlock, Kernel, LANES};
+use crate::raster::RayTriangle;
 
 use super::cells::SortedPoints;
 use super::points::LIMIT_SLACK;
@@ -230,7 +230,7 @@ impl Limits {
             far: grid.far,
             least_reach: (1.001 + grid.least.abs().element_sum()) as f32,
             ray_a_cell: (2.001 / grid.scale.min_element()) as f32,
-            exact: (1.001 * face_test::EDGE_ROUNDING * grid.scale.x * grid.scale.y) as f32,
+            exact: (1.001 * RayTriangle::ROUNDING * grid.scale.x * grid.scale.y) as f32,
         }
     }
 

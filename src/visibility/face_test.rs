@@ -2,37 +2,23 @@
 
 use glam::DVec3;
 
-/// Rounding of an edge function, in units of (largest coordinate)² × (|x| + |y| + 1): 16 × 2⁻⁵³.
-///
-/// With every input coordinate at most M, a component of `b × c` is off by at most 4 u M² and the dot product with a
-/// ray adds at most 8 u M² (|x| + |y| + 1); 16 leaves room. Within it an edge function counts as zero, so a ray
-/// through a shared edge or vertex never slips between the faces that share it.
-pub(super) const EDGE_ROUNDING: f64 = 16.0 / 9_007_199_254_740_992.0;
+use crate::raster::RayTriangle;
 
 /// A face in camera coordinates, ready to be tested against rays `(x, y, 1)`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FaceTest {
-    /// Homogeneous planes through the centre and an edge each.
-    edges: [DVec3; 3],
-    normal: DVec3,
-    offset: f64,
-    rounding: f64,
+    triangle: RayTriangle,
     near: f64,
     far: f64,
 }
 
 impl FaceTest {
     /// Prepares a face; its corners in camera coordinates (metres). No clipping is needed for corners behind the
-    /// camera: the planes are homogeneous.
+    /// camera: the sides of the edges are homogeneous.
     #[inline]
     pub(super) fn new([a, b, c]: [DVec3; 3]) -> Self {
-        let normal = (b - a).cross(c - a);
-        let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
         Self {
-            edges: [b.cross(c), c.cross(a), a.cross(b)],
-            normal,
-            offset: normal.dot(a),
-            rounding: EDGE_ROUNDING * largest * largest,
+            triangle: RayTriangle::new([a, b, c]),
             near: a.z.min(b.z).min(c.z),
             far: a.z.max(b.z).max(c.z),
         }
@@ -43,21 +29,11 @@ impl FaceTest {
     /// A face seen exactly edge-on has no extent and cuts nothing: its neighbours decide.
     #[inline]
     pub(super) fn cuts(&self, x: f64, y: f64, limit: f64) -> bool {
-        let ray = DVec3::new(x, y, 1.0);
-        let [e0, e1, e2] = self.edges.map(|n| n.x * x + n.y * y + n.z);
-        let zero = self.rounding * (x.abs() + y.abs() + 1.0);
-        let (least, greatest) = (e0.min(e1).min(e2), e0.max(e1).max(e2));
-        let inside = (least >= -zero && greatest > zero) || (greatest <= zero && least < -zero);
-        if !inside {
-            return false;
-        }
-        let facing = self.normal.dot(ray);
-        if facing == 0.0 {
-            return false;
-        }
         // The depth on the face's plane; the face itself lies between its corners' depths.
-        let depth = (self.offset / facing).clamp(self.near, self.far);
-        depth > 0.0 && depth < limit
+        self.triangle.meet(DVec3::new(x, y, 1.0)).is_some_and(|depth| {
+            let depth = depth.clamp(self.near, self.far);
+            depth > 0.0 && depth < limit
+        })
     }
 }
 

@@ -337,10 +337,27 @@ fn the_cache_stays_in_its_budget_and_changes_no_pixel() {
         let statistics = store.statistics();
         assert!(statistics.peak_bytes <= budget, "{statistics:?}");
         assert!(statistics.tiles_decoded > 0);
-        assert_eq!(statistics.tile_hits > 0, budget > 0, "{statistics:?}");
+        // Whether the room of a single tile serves twice depends on how the threads take turns.
+        if budget != 400 << 10 {
+            assert_eq!(statistics.tile_hits > 0, budget > 0, "{statistics:?}");
+        }
         if budget == 64 << 20 {
             let all = 20 * (1 + 3 + 1 + 3);
             assert!(statistics.tiles_decoded < all, "{statistics:?}");
         }
     }
+}
+
+#[test]
+fn a_cache_of_one_tile_serves_it_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    write_photo(&path, Size::new(600, 300), KINDS[3].1);
+    let store =
+        PhotoStore::open([(0, build(&path).unwrap().path().to_path_buf())], 400 << 10).unwrap();
+    for _ in 0..3 {
+        store.window(0, 0, PixelRect::new(10, 10, 70, 60)).unwrap();
+    }
+    let statistics = store.statistics();
+    assert_eq!((statistics.tiles_decoded, statistics.tile_hits), (1, 2), "{statistics:?}");
 }
