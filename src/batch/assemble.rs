@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::known::Known;
 use super::part::name_tiles;
-use super::{Manifest, PartReader};
-use crate::output::{BigTiff, CogSpec, CogWriter, Meaning, PendingFile};
+use super::{Manifest, PartReader, Run, TileAddress, curve_order, run};
+use crate::output::{BigTiff, CogSpec, CogWriter, Meaning, PendingFile, Raster};
 use crate::{Error, Result};
 
 /// What is to be assembled, and into what.
@@ -37,7 +37,7 @@ pub fn assemble(assembly: &Assembly<'_>, progress: &dyn Fn() -> Result<()>) -> R
     let parts: Result<Vec<_>> =
         assembly.parts.iter().map(|path| PartReader::open(path, manifest)).collect();
     let known = Known::new(manifest, parts?);
-    refuse_gaps(&known, manifest)?;
+    refuse_gaps(&known, manifest, manifest.pyramid().levels())?;
     let mut whole = Vec::new();
     for (layer, path) in assembly.outputs.iter().enumerate() {
         whole.push((layer, write_layer(assembly, &known, (layer, path), progress)?));
@@ -47,9 +47,34 @@ pub fn assemble(assembly: &Assembly<'_>, progress: &dyn Fn() -> Result<()>) -> R
     whole.into_iter().try_for_each(|(_, file)| file.commit())
 }
 
-fn refuse_gaps(known: &Known<'_>, manifest: &Manifest) -> Result<()> {
+/// Makes the overviews that no part holds, because their tiles are in several, as the part `joined`; the parts that then
+/// hold all of the job. Tiles of full resolution are read where an overview needs them, and none is rendered.
+///
+/// # Errors
+/// If tiles are missing (they are named), a part is damaged, or the disk refuses.
+pub fn join(manifest: &Manifest, parts: &[PathBuf], joined: &Path) -> Result<Vec<PathBuf>> {
+    let opened: Result<Vec<_>> = parts.iter().map(|p| PartReader::open(p, manifest)).collect();
+    let known = Known::new(manifest, opened?);
+    refuse_gaps(&known, manifest, 1)?;
+    let tiles = curve_order(&manifest.pyramid());
+    let mut all = parts.to_vec();
+    if known.work(&tiles).is_empty() {
+        return Ok(all);
+    }
+    drop(known);
+    let renderer = |tile: TileAddress| -> Result<Vec<Raster>> {
+        Err(Error::usage(format!("tile ({}, {}) is missing", tile.x, tile.y)))
+    };
+    let job = Run { manifest, part: joined, others: parts, tiles: &tiles };
+    run(&job, &renderer, &|_| Ok(()))?;
+    all.push(joined.to_path_buf());
+    Ok(all)
+}
+
+/// Refuses a job of which not all tiles of the first `levels` levels are there.
+fn refuse_gaps(known: &Known<'_>, manifest: &Manifest, levels: u32) -> Result<()> {
     let pyramid = manifest.pyramid();
-    for level in 0..pyramid.levels() {
+    for level in 0..levels {
         let missing = known.missing(&pyramid, level);
         if !missing.is_empty() {
             let what = if level == 0 { "tiles".into() } else { format!("overviews {level}") };
@@ -79,11 +104,11 @@ fn write_layer(
         big_tiff: assembly.big_tiff,
     };
     let places = || pyramid.file_order().filter_map(|tile| known.find(layer, tile));
-    let lengths = places().map(|(_, entry)| entry.length).collect();
+    let lengths = places().map(|(entry, _)| entry.length).collect();
     let mut writer = CogWriter::create(path, &spec, lengths)?;
     let mut bytes = Vec::new();
-    for (part, entry) in places() {
-        part.read(entry, &mut bytes)?;
+    for found in places() {
+        known.read(found, &mut bytes)?;
         writer.write_tile(&bytes)?;
         progress()?;
     }

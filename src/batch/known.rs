@@ -1,6 +1,7 @@
 //! [`Known`]: the tiles that parts hold already, and what is left to do.
 
 use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
 
 use super::notes::note_layer;
 use super::part::Entry;
@@ -8,11 +9,20 @@ use super::{Manifest, PartReader, TileAddress};
 use crate::output::{Pyramid, Raster, Scratch, TileKey, decode_tile};
 use crate::{Error, Result};
 
-/// Open parts of a job, seen as one.
+/// Files of parts that are open at the same time, at most.
+const MAX_OPEN: usize = 64;
+
+/// Parts of a job, seen as one.
+///
+/// Memory: 40 bytes a tile beside the parts' own.
 #[derive(Debug)]
 pub(super) struct Known<'a> {
     manifest: &'a Manifest,
     parts: Vec<PartReader>,
+    /// Every tile of every layer once, with the first part that holds it; in the order of [`Entry`].
+    index: Vec<(Entry, u32)>,
+    /// The parts read last, the latest first.
+    recent: Mutex<Vec<u32>>,
 }
 
 /// A piece of work of a run.
@@ -26,7 +36,13 @@ pub(super) enum Work {
 
 impl<'a> Known<'a> {
     pub(super) fn new(manifest: &'a Manifest, parts: Vec<PartReader>) -> Self {
-        Self { manifest, parts }
+        let numbered = (0_u32..).zip(&parts);
+        let mut index: Vec<_> = numbered
+            .flat_map(|(number, part)| part.entries().iter().map(move |entry| (*entry, number)))
+            .collect();
+        index.sort_unstable_by_key(|(entry, number)| (place(entry), *number));
+        index.dedup_by_key(|(entry, _)| place(entry));
+        Self { manifest, parts, index, recent: Mutex::default() }
     }
 
     pub(super) fn parts(&self) -> &[PartReader] {
@@ -39,9 +55,32 @@ impl<'a> Known<'a> {
         (0..layers).all(|layer| self.find(layer, tile).is_some())
     }
 
-    /// The part that holds a tile of a layer, and where.
-    pub(super) fn find(&self, layer: usize, tile: TileKey) -> Option<(&PartReader, &Entry)> {
-        self.parts.iter().find_map(|part| part.find(layer, tile).map(|entry| (part, entry)))
+    /// Where a tile of a layer stands.
+    pub(super) fn find(&self, layer: usize, tile: TileKey) -> Option<&(Entry, u32)> {
+        let wanted = place(&Entry::new(layer, tile, 0, 0));
+        let at = self.index.binary_search_by_key(&wanted, |(entry, _)| place(entry)).ok()?;
+        Some(&self.index[at])
+    }
+
+    /// Reads what [`Self::find`] found into `bytes`, replacing what they held.
+    ///
+    /// # Errors
+    /// As [`PartReader::read`].
+    pub(super) fn read(&self, found: &(Entry, u32), bytes: &mut Vec<u8>) -> Result<()> {
+        let (entry, number) = found;
+        {
+            let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+            match recent.iter().position(|n| n == number) {
+                Some(at) => recent[..=at].rotate_right(1),
+                None => recent.insert(0, *number),
+            }
+            if recent.len() > MAX_OPEN
+                && let Some(oldest) = recent.pop()
+            {
+                self.parts[oldest as usize].close();
+            }
+        }
+        self.parts[*number as usize].read(entry, bytes)
     }
 
     /// The pixels of a tile, one raster for each layer.
@@ -54,13 +93,13 @@ impl<'a> Known<'a> {
         let mut bytes = Vec::new();
         let mut rasters = Vec::new();
         for (i, layer) in self.manifest.layers().iter().enumerate() {
-            let (part, entry) = self.find(i, tile).ok_or_else(|| missing(tile))?;
-            part.read(entry, &mut bytes)?;
+            let found = self.find(i, tile).ok_or_else(|| missing(tile))?;
+            self.read(found, &mut bytes)?;
             let raster =
                 decode_tile(layer, &bytes, size, format.tile_size, format.compression, scratch)
                     .map_err(|damage| {
-                        let place = format!("byte {}, {tile}", entry.offset);
-                        damage.into_error(part.path(), place)
+                        let place = format!("byte {}, {tile}", found.0.offset);
+                        damage.into_error(self.parts[found.1 as usize].path(), place)
                     })?;
             rasters.push(raster);
         }
@@ -96,6 +135,11 @@ impl<'a> Known<'a> {
     pub(super) fn missing(&self, pyramid: &Pyramid, level: u32) -> BTreeSet<TileKey> {
         pyramid.level_tiles(level).filter(|tile| !self.has(*tile)).collect()
     }
+}
+
+/// What identifies a tile of a layer, in the order of [`Entry`].
+fn place(entry: &Entry) -> (u16, u32, u32, u16) {
+    (entry.level, entry.y, entry.x, entry.layer)
 }
 
 fn missing(tile: TileKey) -> Error {

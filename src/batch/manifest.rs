@@ -66,23 +66,33 @@ impl Manifest {
         File::open(path)
             .and_then(|file| file.take(MAX_BYTES).read_to_string(&mut text))
             .map_err(|e| Error::io(path, e))?;
-        let corrupt = |place: String, expected: &str, found: String| {
-            Error::corrupt(path, place, expected, found)
-        };
         let manifest: Self = serde_json::from_str(&text).map_err(|e| {
             let place = format!("line {}, column {}", e.line(), e.column());
-            corrupt(place, "a job manifest", e.to_string())
+            Error::corrupt(path, place, "a job manifest", e.to_string())
         })?;
-        if manifest.version != VERSION {
-            let expected = VERSION.to_string();
-            return Err(corrupt("key `version`".into(), &expected, manifest.version.to_string()));
-        }
-        Pyramid::new(manifest.size(), manifest.format.tile_size)
-            .map_err(|e| corrupt("the grid".into(), "a valid grid", e.to_string()))?;
-        manifest
-            .check_layers()
-            .map_err(|found| corrupt("key `layers`".into(), "valid layers", found))?;
+        manifest.check(path)?;
         Ok(manifest)
+    }
+
+    /// Checks a manifest that was read as a part of `path`.
+    ///
+    /// # Errors
+    /// [`Error::Corrupt`] if it is not one of this version.
+    pub fn check(&self, path: &Path) -> Result<()> {
+        let corrupt = |place: &str, expected: &str, found: String| {
+            Error::corrupt(path, place, expected, found)
+        };
+        if self.version != VERSION {
+            return Err(corrupt("key `version`", &VERSION.to_string(), self.version.to_string()));
+        }
+        Pyramid::new(self.size(), self.format.tile_size)
+            .map_err(|e| corrupt("the grid", "a valid grid", e.to_string()))?;
+        self.check_layers().map_err(|found| corrupt("key `layers`", "valid layers", found))
+    }
+
+    /// Whether `other` differs at most in its settings' fingerprint: the same grid, format and layers.
+    pub fn is_like(&self, other: &Self) -> bool {
+        Self { settings: other.settings.clone(), ..self.clone() } == *other
     }
 
     /// Writes the manifest, replacing what was there at once.

@@ -11,22 +11,26 @@
 mod address;
 mod assemble;
 mod gauge;
+mod keep;
 mod known;
 mod manifest;
 mod notes;
 mod part;
 mod part_reader;
 mod part_writer;
+mod parts;
 mod run;
 mod scene;
 #[cfg(test)]
 mod tests;
 
 pub use address::{TileAddress, curve_order};
-pub use assemble::{Assembly, assemble};
+pub use assemble::{Assembly, assemble, join};
+pub use keep::keep;
 pub use manifest::Manifest;
 pub use notes::notes;
 pub use part_reader::{PartReader, PartState};
 pub use part_writer::PartWriter;
+pub use parts::{Claim, Parts, Rivals};
 pub use run::{Progress, Rendered, Run, RunSummary, TileRenderer, completed, run};
 pub use scene::{SceneTiles, statistics};

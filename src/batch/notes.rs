@@ -26,8 +26,8 @@ pub fn notes(
     let known = Known::new(manifest, parts?);
     let mut bytes = Vec::new();
     for tile in manifest.pyramid().level_tiles(0) {
-        if let Some((part, entry)) = known.find(note_layer(manifest), tile) {
-            part.read(entry, &mut bytes)?;
+        if let Some(found) = known.find(note_layer(manifest), tile) {
+            known.read(found, &mut bytes)?;
             take(&bytes)?;
         }
     }

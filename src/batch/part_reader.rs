@@ -10,21 +10,22 @@ use super::part::{
     END_MAGIC, ENTRY_BYTES, Entry, HEADER_BYTES, MAGIC, RECORD_BYTES, TRAILER_BYTES, VERSION,
     header, trailer, u32_at, u64_at,
 };
-use crate::output::TileKey;
 use crate::{Error, Result};
 
 /// Bytes read at a time when a part is scanned.
 const BUFFER: usize = 1 << 18;
 
-/// An open part file and the index of its tiles.
+/// A part file and the index of its tiles.
 ///
-/// Memory: 32 bytes a tile. Tiles may be read by several threads, one after the other.
+/// Memory: 32 bytes a tile. Tiles may be read by several threads, one after the other. The file is open from the first tile
+/// that is read until [`Self::close`]: a job may have more parts than a process may have open files.
 #[derive(Debug)]
 pub struct PartReader {
     path: PathBuf,
-    file: Mutex<File>,
+    file: Mutex<Option<File>>,
     entries: Vec<Entry>,
     records_end: u64,
+    file_bytes: u64,
     finished: bool,
 }
 
@@ -80,7 +81,9 @@ impl PartState {
             return Err(Error::corrupt(path, place, "a tile of this job", found));
         }
         let path = path.to_path_buf();
-        Ok(Self::Own(PartReader { path, file: Mutex::new(file), entries, records_end, finished }))
+        let file = Mutex::new(None);
+        let file_bytes = len;
+        Ok(Self::Own(PartReader { path, file, entries, records_end, file_bytes, finished }))
     }
 }
 
@@ -130,12 +133,14 @@ impl PartReader {
         self.records_end
     }
 
-    /// The place of a tile of a layer, if it is there.
-    pub(super) fn find(&self, layer: usize, tile: TileKey) -> Option<&Entry> {
-        let wanted = Entry::new(layer, tile, 0, 0);
-        let key = |e: &Entry| (e.level, e.y, e.x, e.layer);
-        let at = self.entries.partition_point(|e| key(e) < key(&wanted));
-        self.entries.get(at).filter(|e| key(e) == key(&wanted))
+    /// Length of the file when it was looked at.
+    pub(super) fn file_bytes(&self) -> u64 {
+        self.file_bytes
+    }
+
+    /// Closes the file until the next tile is read.
+    pub(super) fn close(&self) {
+        *self.file.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
     /// Reads a tile into `bytes`, replacing what they held.
@@ -147,7 +152,11 @@ impl PartReader {
         // The length was checked against the file's.
         bytes.resize(entry.length as usize, 0);
         {
-            let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut open = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+            let file = match &mut *open {
+                Some(file) => file,
+                none => none.insert(File::open(&self.path).map_err(|e| Error::io(&self.path, e))?),
+            };
             file.seek(SeekFrom::Start(entry.offset))
                 .and_then(|_| file.read_exact(&mut head))
                 .and_then(|()| file.read_exact(bytes))

@@ -45,6 +45,15 @@ impl PartWriter {
     /// If the file cannot be written or another process is writing it.
     pub fn resume(part: &PartReader) -> Result<Self> {
         let mut writer = Self::open(part.path())?;
+        // Between the look at it and the lock, another process may have gone on with it.
+        let found = writer.file.metadata().map_err(|e| Error::io(part.path(), e))?.len();
+        if found != part.file_bytes() {
+            let busy = std::io::Error::new(
+                std::io::ErrorKind::ResourceBusy,
+                "another process has just written this file",
+            );
+            return Err(Error::io(part.path(), busy));
+        }
         writer.entries = part.entries().to_vec();
         writer.cut(part.records_end())?;
         Ok(writer)

@@ -4,7 +4,9 @@ use crate::image::{Colour, Depth};
 use crate::{Error, Result};
 
 /// How a sample is found to be an outlier.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+)]
 pub enum Outliers {
     /// No sample is dropped.
     None,
@@ -16,7 +18,9 @@ pub enum Outliers {
 }
 
 /// What a sample weighs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+)]
 pub enum Weights {
     /// The weight that came with it: the area of the pixel's face in the photo, photo pixels.
     #[default]
@@ -26,7 +30,9 @@ pub enum Weights {
 }
 
 /// What becomes of the samples that are kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+)]
 pub enum Blend {
     /// Their weighted mean; the plain mean if all weights are zero.
     #[default]
@@ -36,7 +42,7 @@ pub enum Blend {
 }
 
 /// How samples become a pixel. The default is the paper's method, for 8-bit RGB.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Settings {
     /// The outlier test.
     pub outliers: Outliers,

@@ -23,6 +23,8 @@ const MAX_COEFFICIENT: f64 = 1e12;
 pub struct Lens {
     model: LensModel,
     size: Size,
+    /// As they were given; those that the model has not are 0.
+    params: [f64; LensModel::MAX_PARAMS],
     pub(super) focal_px: DVec2,
     pub(super) principal_px: DVec2,
     pub(super) distortion: Distortion,
@@ -79,14 +81,16 @@ impl Lens {
             }
             _ => (focal_px, distortion(model, k)),
         };
-        Ok(Self::assemble(model, size, focal_px, principal_px, distortion))
+        let mut given = [0.0; LensModel::MAX_PARAMS];
+        given[..params.len()].copy_from_slice(params);
+        let (focal, principal) = (focal_px, principal_px);
+        Ok(Self::assemble((model, given), size, [focal, principal], distortion))
     }
 
     fn assemble(
-        model: LensModel,
+        (model, params): (LensModel, [f64; LensModel::MAX_PARAMS]),
         size: Size,
-        focal_px: DVec2,
-        principal_px: DVec2,
+        [focal_px, principal_px]: [DVec2; 2],
         distortion: Distortion,
     ) -> Self {
         let extent = DVec2::new(f64::from(size.width), f64::from(size.height));
@@ -94,19 +98,23 @@ impl Lens {
             Bounds2 { min: -principal_px / focal_px, max: (extent - principal_px) / focal_px };
         let valid_square = distortion.valid_square();
         let ray_bounds = ray_bounds(&distortion, frame, valid_square);
-        Self { model, size, focal_px, principal_px, distortion, valid_square, ray_bounds }
+        Self { model, size, params, focal_px, principal_px, distortion, valid_square, ray_bounds }
     }
 
     /// The same lens drawn without distortion: a pinhole of the same focal length and principal point, for a fisheye
     /// too, whose own image is another one then.
     #[must_use]
     pub fn without_distortion(&self) -> Self {
+        let (focal, principal) = (self.focal_px, self.principal_px);
+        let mut params = [0.0; LensModel::MAX_PARAMS];
         let model = if self.model.has_one_focal_length() {
+            params[..3].copy_from_slice(&[focal.x, principal.x, principal.y]);
             LensModel::SimplePinhole
         } else {
+            params[..4].copy_from_slice(&[focal.x, focal.y, principal.x, principal.y]);
             LensModel::Pinhole
         };
-        Self::assemble(model, self.size, self.focal_px, self.principal_px, Distortion::None)
+        Self::assemble((model, params), self.size, [focal, principal], Distortion::None)
     }
 
     /// The photo position of a ray, pixels; `None` at or beyond the valid radius, or for NaN.
@@ -163,6 +171,11 @@ impl Lens {
     /// The model.
     pub fn model(&self) -> LensModel {
         self.model
+    }
+
+    /// The parameters that [`Lens::new`] makes the same lens of, in the order of [`LensModel`].
+    pub fn params(&self) -> &[f64] {
+        &self.params[..self.model.param_count()]
     }
 
     /// Width and height of the photo, pixels.

@@ -92,6 +92,11 @@ impl LensModel {
         MODELS[..COLMAP].iter().find(|m| m.1 == name).map(|m| m.0)
     }
 
+    /// The model with that name, groundel's own counted.
+    pub fn from_any_name(name: &str) -> Option<Self> {
+        MODELS.iter().find(|m| m.1 == name).map(|m| m.0)
+    }
+
     /// COLMAP's number of the model; `None` for groundel's own.
     pub fn id(self) -> Option<i32> {
         let index = self as usize;
@@ -146,6 +151,7 @@ mod tests {
             assert_eq!(model.id(), known.map(|_| id));
             assert_eq!(LensModel::from_id(id), known);
             assert_eq!(LensModel::from_name(name), known);
+            assert_eq!(LensModel::from_any_name(name), Some(model));
             assert_eq!((model.name(), model.param_count()), (name, count));
             assert!(count <= LensModel::MAX_PARAMS);
         }

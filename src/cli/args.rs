@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use super::job_args::{AssembleArgs, PlanArgs, RenderArgs};
 use super::settings::{BlendRule, Interpolation, Outliers, View, Weights};
 use super::values;
 use crate::input::{AngleUnit, CameraFormat, CameraOptions, TableLens};
@@ -78,38 +79,13 @@ pub enum Command {
     /// Mesh + cameras + photos → true-orthoimage mosaic
     #[command(after_help = PROJECT_HELP)]
     Ortho(Box<OrthoArgs>),
-    /// Plan a distributed job (comes with a later version: exit code 2)
+    /// Plan a job for many processes or machines: its stores, its batches, and what it will take
     #[command(after_help = PROJECT_HELP)]
-    Plan {
-        /// The flags of `ortho`
-        #[command(flatten)]
-        ortho: Box<OrthoArgs>,
-        /// Folder of the job
-        #[arg(long, value_name = "JOB", value_parser = path!())]
-        job: PathBuf,
-        /// Batches to cut the tiles into
-        #[arg(long, value_name = "N")]
-        batches: Option<u32>,
-    },
-    /// Render a batch of a job's tiles (comes with a later version: exit code 2)
-    Render {
-        /// Folder of the job
-        job: PathBuf,
-        /// The batch, from 0 [default: all that are missing]
-        #[arg(long, value_name = "K", conflicts_with = "missing")]
-        batch: Option<u32>,
-        /// Only print the numbers of the missing batches, one a line
-        #[arg(long)]
-        missing: bool,
-    },
-    /// Assemble a job's parts into the final files (comes with a later version: exit code 2)
-    Assemble {
-        /// Folder of the job
-        job: PathBuf,
-        /// The mosaic
-        #[arg(long, value_name = "OUT.tif", value_parser = path!())]
-        out: PathBuf,
-    },
+    Plan(Box<PlanArgs>),
+    /// Render a batch of a planned job's tiles, or all that are missing; what is there already stays
+    Render(RenderArgs),
+    /// Assemble the rendered parts of a job into the final files
+    Assemble(AssembleArgs),
     /// Tell what is in a mesh, camera set, photo, store, frame, project or mosaic
     Info {
         /// A file or a folder

@@ -1,6 +1,6 @@
 //! [`Config`]: the settings of a run as built, typed and complete.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::thread;
 
 use clap::ValueEnum;
@@ -9,9 +9,11 @@ use serde_json::{Map, Value, json};
 use super::args::OrthoArgs;
 use super::choice::PhotoChoice;
 use super::frame_choice::{self, FrameChoice};
+use super::job::{self, JobFolder};
 use super::project;
 use super::settings::{BlendRule, Interpolation, Outliers, Weights};
 use super::values::LEAST_MEMORY_BYTES;
+use crate::frame::FrameSpec;
 use crate::input::{AngleUnit, CameraFormat, CameraOptions};
 use crate::output::{Compression, Meaning};
 use crate::report::physical_bytes;
@@ -87,7 +89,24 @@ impl Config {
     /// [`Error::Unsupported`] for frames that cannot be drawn yet; what reading the files gives.
     pub fn build(args: OrthoArgs) -> Result<Self> {
         let (args, frame) = project::merged(args)?;
-        let out = mosaic_file(needed(args.out.clone(), "out")?)?;
+        Self::of_merged(args, frame)
+    }
+
+    /// The same for a job in the folder `job`: its stores lie there, and its files go nowhere yet.
+    ///
+    /// # Errors
+    /// As [`Self::build`]; [`Error::Usage`] for a work folder.
+    pub(super) fn build_for(job: &JobFolder, args: OrthoArgs) -> Result<Self> {
+        if args.work.is_some() {
+            return Err(Error::usage("--work does not go with `plan`: the stores lie in the job"));
+        }
+        let (args, frame) = project::merged(args)?;
+        let (work, out) = (Some(job.stores()), Some(job.path().join("mosaic.tif")));
+        Self::of_merged(OrthoArgs { work, out, report: None, ..args }, frame)
+    }
+
+    fn of_merged(args: OrthoArgs, frame: Option<FrameSpec>) -> Result<Self> {
+        let out = job::check_name(needed(args.out.clone(), "out")?)?;
         if args.mesh.is_empty() {
             return Err(missing("mesh"));
         }
@@ -123,22 +142,12 @@ impl Config {
 
     /// The file of a layer: `<out stem>.<layer>.tif` beside the mosaic; of [`Meaning::Mosaic`]: the mosaic.
     pub fn layer_file(&self, layer: Meaning) -> PathBuf {
-        match layer {
-            Meaning::Mosaic => self.out.clone(),
-            _ => self.beside(&format!("{}.tif", layer.name())),
-        }
+        job::layer_file(&self.out, layer)
     }
 
     /// The frame written beside the mosaic: `<out stem>.frame.toml`.
     pub fn frame_file(&self) -> PathBuf {
-        self.beside("frame.toml")
-    }
-
-    fn beside(&self, ending: &str) -> PathBuf {
-        let mut name = self.out.file_stem().unwrap_or_default().to_os_string();
-        name.push(".");
-        name.push(ending);
-        self.out.with_file_name(name)
+        job::frame_file(&self.out)
     }
 
     /// The settings that reach a pixel or a file, for the report, by their flag's name in snake case.
@@ -182,19 +191,6 @@ fn needed<T>(value: Option<T>, key: &str) -> Result<T> {
     value.ok_or_else(|| missing(key))
 }
 
-/// A mosaic's name ends in `.tif` or `.tiff`, so that its layers' names can be made from it.
-fn mosaic_file(out: PathBuf) -> Result<PathBuf> {
-    let is_tiff = |path: &Path| {
-        let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-        matches!(extension.as_deref(), Some("tif" | "tiff"))
-    };
-    if is_tiff(&out) {
-        Ok(out)
-    } else {
-        Err(Error::usage(format!("--out: expected a name ending in .tif, found {}", out.display())))
-    }
-}
-
 /// Half of the physical memory, but no less than the least cap.
 pub(super) fn default_memory_bytes() -> u64 {
     physical_bytes().map_or(MEMORY_UNKNOWN_BYTES, |bytes| bytes / 2).max(LEAST_MEMORY_BYTES)
@@ -207,6 +203,8 @@ pub(super) fn all_processors() -> usize {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::cli::View;
 

@@ -27,6 +27,34 @@ fn on_signal() {
     console::note("groundel: ending; finished tiles are kept (once more to end at once)");
 }
 
+/// Time between two looks at the parent.
+#[cfg(unix)]
+const LOOK_AFTER: std::time::Duration = std::time::Duration::from_millis(250);
+
+/// Ends the run, as a signal does, once `parent` is no longer the parent of this process. A parent that ended before this
+/// call is noticed too.
+///
+/// # Errors
+/// [`Error::Usage`] where processes do not know their parents.
+#[cfg(unix)]
+pub(super) fn end_with(parent: u32) -> Result<()> {
+    let watch = move || {
+        while std::os::unix::process::parent_id() == parent {
+            std::thread::sleep(LOOK_AFTER);
+        }
+        if !ASKED.swap(true, Ordering::Relaxed) {
+            console::note("groundel: ending: the process that started this one has ended");
+        }
+    };
+    let started = std::thread::Builder::new().name("parent".into()).spawn(watch);
+    started.map(drop).map_err(|e| Error::usage(format!("--parent: {e}")))
+}
+
+#[cfg(not(unix))]
+pub(super) fn end_with(_parent: u32) -> Result<()> {
+    Err(Error::usage("--parent: this system does not tell a process's parent"))
+}
+
 /// Whether the run may go on.
 ///
 /// # Errors

@@ -2,11 +2,10 @@
 
 use std::error::Error as _;
 use std::ffi::OsString;
-use std::path::Path;
 
 use super::args::{Args, Command};
 use super::config::Config;
-use super::{compare, console, demo, info, interrupt, locate, ortho, ortho::ExitStatus};
+use super::{compare, console, demo, info, interrupt, job, locate, ortho, ortho::ExitStatus};
 use crate::{Error, Result};
 
 /// Exit code of a wrong command line.
@@ -62,19 +61,10 @@ fn dispatch(command: Command) -> Result<ExitStatus> {
             console::answer(&compare::answer(&a, &b, out.as_deref())?);
             Ok(ExitStatus::Done)
         }
-        Command::Plan { job, .. } => later("plan", &job),
-        Command::Render { job, .. } => later("render", &job),
-        Command::Assemble { job, .. } => later("assemble", &job),
+        Command::Plan(args) => job::plan(*args),
+        Command::Render(args) => job::render(&args),
+        Command::Assemble(args) => job::assemble(&args),
     }
-}
-
-/// The answer of a command of the contract that is still to come.
-fn later(command: &str, job: &Path) -> Result<ExitStatus> {
-    Err(Error::Unsupported {
-        path: job.to_path_buf(),
-        what: format!("`groundel {command}`"),
-        hint: Some("it comes with a later version; `groundel ortho` does the whole job".into()),
-    })
 }
 
 /// What clap says is wrong, without its advice on usage and help.
@@ -109,12 +99,5 @@ mod tests {
     fn an_error_is_one_line_with_each_cause_once() {
         let error = Error::io("a.tif", io::Error::other("no space"));
         assert_eq!(message(&error), "groundel: error: a.tif: no space");
-    }
-
-    #[test]
-    fn commands_still_to_come_are_refused_as_bad_usage() {
-        let error = later("plan", Path::new("job")).unwrap_err();
-        assert_eq!(error.exit_code(), 2);
-        assert!(error.to_string().starts_with("job: `groundel plan` is not supported (it comes"));
     }
 }

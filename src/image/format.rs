@@ -1,7 +1,9 @@
 //! What the samples of a photo or a mosaic are: [`Colour`] and [`Depth`].
 
 /// Channels of colour, alpha not counted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub enum Colour {
     /// One channel.
     Grey,
@@ -10,7 +12,9 @@ pub enum Colour {
 }
 
 /// Bits of a sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub enum Depth {
     /// 0 to 255.
     Eight,

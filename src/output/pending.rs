@@ -100,7 +100,7 @@ pub(crate) fn lock(file: &File) -> io::Result<()> {
 }
 
 /// Makes a rename durable, where the system has folders that can be opened (Windows has not, and needs it not).
-fn sync_folder(file: &Path) -> Result<()> {
+pub(crate) fn sync_folder(file: &Path) -> Result<()> {
     let folder = match file.parent() {
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),

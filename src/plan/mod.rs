@@ -6,6 +6,8 @@
 //! cylinder, [`default_pixel_size`], the checks that refuse a job before it begins ([`check_meeting`], [`check_pixels`]), and an
 //! estimate of what is needed of each photo ([`photo_needs`]).
 //!
+//! [`Reach`] tells which tiles a photo may touch.
+//!
 //! Before anything is built, [`Forecast`] says what it will take of memory, disk and time, from a [`Survey`] of the mosaic.
 //!
 //! Promises: everything is a function of the mesh, the photos and the frame, by rules that do not depend on threads
@@ -19,6 +21,7 @@ mod forecast;
 mod needs;
 mod partitions;
 mod pixel_size;
+mod reach;
 mod survey;
 #[cfg(test)]
 mod tests;
@@ -30,4 +33,5 @@ pub use forecast::{Forecast, JobDemand, tile_weight};
 pub use needs::{PhotoNeed, photo_needs};
 pub use partitions::{Base, Partitions, Slab};
 pub use pixel_size::default_pixel_size;
+pub use reach::Reach;
 pub use survey::{Survey, WorkAmount};

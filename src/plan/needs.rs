@@ -38,9 +38,9 @@ pub struct PhotoNeed {
     pub pixels: u64,
 }
 
-/// What the mosaic needs of each of `photos`, in their order; `None` where it is proven that nothing is.
+/// What `rect` of the mosaic needs of each of `photos`, in their order; `None` where it is proven that nothing is.
 ///
-/// 1. The boxes of the partitions are cut to the mosaic's extent and slab; in a large mesh several that follow one another
+/// 1. The boxes of the partitions are cut to the rectangle and to the mosaic's slab; in a large mesh several that follow one another
 ///    on its curve are merged.
 /// 2. Each box is seen through the rectangle of rays (x/z, y/z) of its corners, cut to the lens's own. A photo needs
 ///    nothing if no box lies before it and meets that.
@@ -51,13 +51,14 @@ pub struct PhotoNeed {
 pub fn photo_needs(
     mesh: &impl Partitions,
     mosaic: &Mosaic,
+    rect: &PixelRect,
     photos: &[Photo],
 ) -> Vec<Option<PhotoNeed>> {
     let limit = (MOST_PAIRS / photos.len().max(1)).clamp(LEAST_BOXES, MOST_BOXES);
-    let boxes = boxes(mesh, mosaic, limit);
+    let boxes = boxes(mesh, mosaic, rect, limit);
     let groups: Vec<_> = boxes.chunks(GROUP).map(|g| (Hull::around(g), g)).collect();
     let need = |photo: &Photo| {
-        let view = View { photo, pose: photo.pose.relative_to(mesh.origin()) };
+        let view = View::new(photo, mesh.origin());
         let mut count = Count::new(photo.lens.size());
         for (around, members) in &groups {
             if view.rays(around).is_some() {
@@ -71,8 +72,8 @@ pub fn photo_needs(
 
 /// The corners of a part of the mesh, local frame.
 #[derive(Debug, Clone, Copy)]
-struct Hull {
-    corners: [DVec3; 8],
+pub(super) struct Hull {
+    pub(super) corners: [DVec3; 8],
 }
 
 impl Hull {
@@ -83,13 +84,16 @@ impl Hull {
     }
 }
 
-/// At most about `limit` boxes that hold all of the mesh that the mosaic may show.
-fn boxes(mesh: &impl Partitions, mosaic: &Mosaic, limit: usize) -> Vec<Hull> {
-    let Some(plane) = mosaic.plane() else { return boxes_of_rays(mesh, mosaic, limit) };
+/// At most about `limit` boxes that hold all of the mesh that `rect` of the mosaic may show.
+fn boxes(mesh: &impl Partitions, mosaic: &Mosaic, rect: &PixelRect, limit: usize) -> Vec<Hull> {
+    let Some(plane) = mosaic.plane() else { return boxes_of_rays(mesh, mosaic, rect, limit) };
     let base = Base::Plane(plane);
     let frame = SlabFrame::new(Slab { base, elevation: mosaic.slab }, mesh.origin());
-    // A pixel around: the last column and row may reach beyond the extent.
-    let [u0, v0, u1, v1] = mosaic.extent;
+    // Pixels around: room for rounding.
+    let [left, _, _, top] = mosaic.extent;
+    let [x0, x1, y0, y1] =
+        [rect.x0, rect.x1, rect.y0, rect.y1].map(|p| p as f64 * mosaic.pixel_size);
+    let [u0, v0, u1, v1] = [left + x0, top - y1, left + x1, top - y0];
     let [low, high] = mosaic.slab;
     let room = DVec3::splat(2.0 * mosaic.pixel_size);
     let shown =
@@ -114,9 +118,14 @@ fn boxes(mesh: &impl Partitions, mosaic: &Mosaic, limit: usize) -> Vec<Hull> {
 }
 
 /// The same for a cylinder or a perspective view: whole boxes.
-fn boxes_of_rays(mesh: &impl Partitions, mosaic: &Mosaic, limit: usize) -> Vec<Hull> {
+fn boxes_of_rays(
+    mesh: &impl Partitions,
+    mosaic: &Mosaic,
+    rect: &PixelRect,
+    limit: usize,
+) -> Vec<Hull> {
     let local = mosaic.local(mesh.origin());
-    let whole = Block::outline(mosaic.size.rect());
+    let whole = Block::outline(*rect);
     let merged = mesh.count().div_ceil(limit).max(1);
     let starts = (0..mesh.count()).step_by(merged);
     let hulls = starts.filter_map(|first| {
@@ -129,14 +138,18 @@ fn boxes_of_rays(mesh: &impl Partitions, mosaic: &Mosaic, limit: usize) -> Vec<H
 }
 
 /// A photo in the mesh's local frame.
-struct View<'a> {
+pub(super) struct View<'a> {
     photo: &'a Photo,
     pose: LocalPose,
 }
 
-impl View<'_> {
+impl<'a> View<'a> {
+    pub(super) fn new(photo: &'a Photo, origin: DVec3) -> Self {
+        Self { photo, pose: photo.pose.relative_to(origin) }
+    }
+
     /// Bounds of the rays under which the hull may be seen within the photo; `None`: it is proven that it is not.
-    fn rays(&self, hull: &Hull) -> Option<Bounds2> {
+    pub(super) fn rays(&self, hull: &Hull) -> Option<Bounds2> {
         let all = Bounds2 { min: DVec2::NEG_INFINITY, max: DVec2::INFINITY };
         let frame = self.photo.lens.ray_bounds().unwrap_or(all);
         let corners = hull.corners.map(|c| self.pose.camera_from_local(c));
@@ -295,7 +308,9 @@ mod tests {
     }
 
     fn need(extent: [f64; 4], photo: &Photo) -> Option<PhotoNeed> {
-        photo_needs(&ground(), &mosaic(extent, 0.01), std::slice::from_ref(photo)).remove(0)
+        let mosaic = mosaic(extent, 0.01);
+        let whole = mosaic.size.rect();
+        photo_needs(&ground(), &mosaic, &whole, std::slice::from_ref(photo)).remove(0)
     }
 
     #[test]
@@ -356,20 +371,34 @@ mod tests {
     fn a_coarse_mosaic_samples_a_coarse_level() {
         // A photo pixel covers 1 cm.
         let of = |size| {
-            photo_needs(&ground(), &mosaic([-5.0, -5.0, 5.0, 5.0], size), &[nadir(0.0, 0.0, 0.0)])
+            let mosaic = mosaic([-5.0, -5.0, 5.0, 5.0], size);
+            photo_needs(&ground(), &mosaic, &mosaic.size.rect(), &[nadir(0.0, 0.0, 0.0)])
         };
         let levels = [0.005, 0.0199, 0.021, 0.041, 0.1].map(|size| of(size)[0].unwrap().level);
         assert_eq!(levels, [0, 0, 1, 2, 3]);
     }
 
     #[test]
+    fn a_part_of_the_mosaic_needs_what_a_mosaic_of_that_part_needs() {
+        let photo = nadir(0.0, 0.0, -0.1);
+        let whole = mosaic([-20.0, -20.0, 20.0, 20.0], 0.01);
+        // u 3 to 4, v 2 to 3.
+        let part = PixelRect::new(2300, 1700, 2400, 1800);
+        let found = photo_needs(&ground(), &whole, &part, std::slice::from_ref(&photo)).remove(0);
+        assert_eq!(found, need([3.0, 2.0, 4.0, 3.0], &photo));
+        let beside = PixelRect::new(0, 0, 500, 500);
+        assert_eq!(photo_needs(&ground(), &whole, &beside, &[photo]), [None]);
+    }
+
+    #[test]
     fn merged_boxes_need_no_less() {
         let (mesh, photo) = (ground(), nadir(3.0, 2.0, 0.0));
         let mosaic = mosaic([-4.0, -4.0, 6.0, 5.0], 0.01);
-        let one = photo_needs(&mesh, &mosaic, std::slice::from_ref(&photo))[0].unwrap();
-        let view = View { photo: &photo, pose: photo.pose.relative_to(ORIGIN) };
+        let whole = mosaic.size.rect();
+        let one = photo_needs(&mesh, &mosaic, &whole, std::slice::from_ref(&photo))[0].unwrap();
+        let view = View::new(&photo, ORIGIN);
         let mut count = Count::new(photo.lens.size());
-        let few = boxes(&mesh, &mosaic, 100);
+        let few = boxes(&mesh, &mosaic, &whole, 100);
         assert!(few.len() <= 100);
         for hull in &few {
             view.add(hull, 0.01, &mut count);

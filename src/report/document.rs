@@ -1,6 +1,6 @@
 //! The run report: what was read, what was left out, what the mosaic holds.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::photos::PhotoReport;
@@ -31,7 +31,7 @@ pub struct Report {
 }
 
 /// What was read.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Inputs {
     /// The mesh files, in the order of their face ids.
     pub meshes: Vec<MeshInput>,
@@ -44,7 +44,7 @@ pub struct Inputs {
 }
 
 /// What a mesh file holds.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct MeshInput {
     /// The file, as it was given.
     pub file: String,
@@ -55,7 +55,7 @@ pub struct MeshInput {
 }
 
 /// What the camera set holds.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct CameraInput {
     /// The camera set, as it was given.
     pub path: String,
@@ -70,7 +70,7 @@ pub struct CameraInput {
 }
 
 /// A photo that had to be left out.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LeftOut {
     /// Its name in the camera set.
     pub photo: String,

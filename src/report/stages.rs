@@ -43,6 +43,11 @@ impl StageLog {
         result
     }
 
+    /// Adds the stages of another log, which ran within this one's time.
+    pub fn extend(&mut self, other: &Self) {
+        self.stages.extend_from_slice(&other.stages);
+    }
+
     /// The stages so far, in order.
     pub fn stages(&self) -> &[Stage] {
         &self.stages

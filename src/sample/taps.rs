@@ -5,7 +5,9 @@ use glam::DVec2;
 use crate::geom::PixelRect;
 
 /// How a colour between pixel centres is made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+)]
 pub enum Interpolation {
     /// The pixel that holds the position: 1 × 1 taps.
     Nearest,

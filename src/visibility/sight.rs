@@ -19,7 +19,7 @@ pub struct Sight<'a> {
 }
 
 /// The part of the segment before a surface point in which a face does not occlude it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Tolerance {
     /// Metres.
     Fixed(f64),

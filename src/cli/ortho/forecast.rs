@@ -22,15 +22,15 @@ use crate::store::mesh::MeshStore;
 
 /// What is known of a job, and what it will take.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Outlook {
-    pub(super) demand: JobDemand,
-    pub(super) forecast: Forecast,
+pub(in crate::cli) struct Outlook {
+    pub(in crate::cli) demand: JobDemand,
+    pub(in crate::cli) forecast: Forecast,
     speed: f64,
 }
 
 /// What is decided of a job before photos are read.
 #[derive(Debug)]
-pub(super) struct Planned<'a> {
+pub(super) struct Scope<'a> {
     pub(super) mesh: &'a MeshStore,
     pub(super) mosaic: &'a Mosaic,
     pub(super) photos: &'a [Photo],
@@ -114,7 +114,7 @@ impl Outlook {
         self,
         config: &Config,
         budget: &Budget,
-        scene: &Planned<'_>,
+        scene: &Scope<'_>,
     ) -> Result<(Self, Survey)> {
         let survey = Survey::of(scene.mesh, scene.mosaic, scene.photos)?;
         let work = survey.total();

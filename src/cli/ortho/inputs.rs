@@ -14,24 +14,24 @@ use crate::{Error, Result};
 
 /// The meshes and the photos that were chosen.
 #[derive(Debug)]
-pub(super) struct Inputs {
-    pub(super) meshes: Vec<Box<dyn MeshSource>>,
-    pub(super) cameras: CameraSet,
+pub(in crate::cli) struct Inputs {
+    pub(in crate::cli) meshes: Vec<Box<dyn MeshSource>>,
+    pub(in crate::cli) cameras: CameraSet,
     /// The format that they came in.
-    pub(super) format: CameraFormat,
+    pub(in crate::cli) format: CameraFormat,
     /// What their tie points say.
-    pub(super) proof: Option<Proof>,
+    pub(in crate::cli) proof: Option<Proof>,
     /// The photos to use, by id.
-    pub(super) photos: Vec<Photo>,
+    pub(in crate::cli) photos: Vec<Photo>,
     /// The masks of those that have one, by id.
-    pub(super) masks: Vec<Mask>,
+    pub(in crate::cli) masks: Vec<Mask>,
     /// Photos that were chosen but cannot be used, by id.
-    pub(super) left_out: Vec<LeftOut>,
+    pub(in crate::cli) left_out: Vec<LeftOut>,
 }
 
 impl Inputs {
     /// Reads the cameras and the heads of the meshes and masks.
-    pub(super) fn read(config: &Config) -> Result<Self> {
+    pub(in crate::cli) fn read(config: &Config) -> Result<Self> {
         let shift = DVec3::from_array(config.shift);
         let open = |path: &PathBuf| Ok(shifted(open_mesh(path)?, shift));
         let meshes = config.meshes.iter().map(open).collect::<Result<_>>()?;
@@ -59,7 +59,11 @@ impl Inputs {
     }
 
     /// What the cameras' tie points and the bounds of the mesh, ground, say against the cameras.
-    pub(super) fn doubts(&self, config: &Config, bounds_ground: &Bounds3) -> Result<Vec<String>> {
+    pub(in crate::cli) fn doubts(
+        &self,
+        config: &Config,
+        bounds_ground: &Bounds3,
+    ) -> Result<Vec<String>> {
         let read = (&*config.cameras, self.format, &config.camera_options);
         let by_mesh = MeshProof::of(read, &self.photos, bounds_ground)?;
         let by_ties = self.proof.and_then(|proof| proof.warning());

@@ -1,16 +1,22 @@
-//! The plan of a job: its grid, its scene, its manifest and where its files go.
+//! The plan of a job: its grid, its scene, and the record that says it all.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 
 use glam::DVec3;
+use rayon::prelude::*;
 use xxhash_rust::xxh3::xxh3_128;
 
 use super::super::config::Config;
+use super::super::job::{
+    CameraRecord, FileRecord, JobFolder, JobRecord, MeshRecord, PhotoRecord, Rendering, Stamp,
+    Thoroughness,
+};
 use super::choices;
 use super::inputs::Inputs;
 use super::precision;
 use super::profile::CommonProfile;
+use super::reporting;
 use super::stores::Stores;
 use crate::batch::Manifest;
 use crate::camera::Photo;
@@ -19,8 +25,6 @@ use crate::geom::Bounds3;
 use crate::image::{Colour, Depth};
 use crate::output::{Georeference, IccProfile, Layer, Meaning, TileFormat, parse_crs};
 use crate::render::{self, Scene, ScenePhoto};
-use crate::report::LeftOut;
-use crate::store::mesh::MeshStore;
 use crate::store::photo::PhotoStore;
 use crate::{Error, Result};
 
@@ -29,88 +33,120 @@ const TOLERANCE_PX: f64 = 0.02;
 
 /// All that rendering needs, decided once.
 #[derive(Debug)]
-pub(super) struct Job {
-    pub(super) mosaic: Mosaic,
-    pub(super) scene: Scene,
-    pub(super) photos: Vec<Photo>,
-    pub(super) left_out: Vec<LeftOut>,
-    /// What the user should know, but what kept nothing from being done.
-    pub(super) warnings: Vec<String>,
-    pub(super) manifest: Manifest,
-    /// The job's folder in the work folder.
-    pub(super) folder: PathBuf,
-    /// Its part file.
-    pub(super) part: PathBuf,
-    /// The file of each layer of the manifest.
-    pub(super) outputs: Vec<PathBuf>,
+pub(in crate::cli) struct Job {
+    pub(in crate::cli) folder: JobFolder,
+    pub(in crate::cli) record: JobRecord,
+    pub(in crate::cli) mosaic: Mosaic,
+    pub(in crate::cli) scene: Scene,
+}
+
+/// Where a job lies, and who renders it.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::cli) enum Place<'a> {
+    /// In the work folder, for this process.
+    Work,
+    /// In a folder of its own, for any machine.
+    Own(&'a JobFolder),
 }
 
 impl Job {
-    /// Decides colour, depth and layers of a mosaic.
-    pub(super) fn plan(
+    /// Decides colour, depth and layers of a mosaic, and writes down the whole job, all its tiles in one batch.
+    pub(in crate::cli) fn plan(
         config: &Config,
         inputs: &Inputs,
         mosaic: Mosaic,
         stores: Stores,
+        place: Place<'_>,
     ) -> Result<Self> {
-        let Stores { mesh, pixels, masks, photos, left_out } = stores;
-        let mut warnings = precision::warnings(inputs, &mesh);
-        let (colour, depth) = colour_and_depth(&pixels, &photos);
-        let blend = render::BlendSettings {
-            outliers: choices::outliers(config.outliers),
-            beta: config.beta,
-            weights: choices::weights(config.weights),
-            blend: choices::blend(config.blend),
-            colour,
-            depth,
-            undefined: config.undefined,
-        };
-        blend.check()?;
-        let tolerance = tolerance(config, &mosaic);
-        let rendering = Rendering {
-            interpolation: choices::interpolation(config.interpolation),
-            blend,
-            tolerance,
-        };
-        let stores = (&mesh, &pixels, masks.as_ref());
-        let settings = fingerprint(&mosaic, stores, &photos, &rendering);
-        let common = CommonProfile::of(&config.photos, &photos, colour)?;
+        let (colour, depth) = colour_and_depth(&stores.pixels, &stores.photos);
+        let rendering = rendering(config, &mosaic, (colour, depth))?;
+        let common = CommonProfile::of(&config.photos, &stores.photos, colour)?;
+        let mut warnings = precision::warnings(inputs, &stores.mesh);
         warnings.extend(common.warnings);
-        let profile = common.profile.map(IccProfile::new);
-        let manifest = manifest(config, inputs, &mosaic, &rendering, (profile, settings))?;
-        let origin = mesh.origin();
-        let bounds = mesh.bounds();
+        let (origin, bounds) = (stores.mesh.origin(), stores.mesh.bounds());
         let bounds_ground = Bounds3 { min: bounds.min + origin, max: bounds.max + origin };
         warnings.extend(inputs.doubts(config, &bounds_ground)?);
-        let scene = Scene {
-            mosaic: mosaic.local(origin),
-            photos: photos
-                .iter()
-                .map(|p| scene_photo(p, origin, &pixels, depth))
-                .collect::<Result<_>>()?,
-            mesh,
-            pixels,
-            masks,
-            interpolation: rendering.interpolation,
-            blend,
-            names: inputs.cameras.names.len(),
-            tolerance: rendering.tolerance,
+        let profile = common.profile.map(IccProfile::new);
+        let keys = Keys::of(&mosaic, &stores, &rendering);
+        let manifest = manifest(config, inputs, &mosaic, &rendering, (profile, keys.settings()))?;
+        let folder = match place {
+            Place::Own(folder) => folder.clone(),
+            Place::Work => {
+                let name = format!("job-{:032x}", manifest.fingerprint());
+                JobFolder::new(&config.work.join(name))
+            }
         };
-        let folder = config.work.join(format!("job-{:032x}", manifest.fingerprint()));
-        fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
-        manifest.save(&folder.join("manifest.json"))?;
-        let outputs = manifest.layers().iter().map(|l| config.layer_file(l.meaning())).collect();
-        let part = folder.join("part-0");
-        Ok(Self { mosaic, scene, photos, left_out, warnings, manifest, folder, part, outputs })
+        fs::create_dir_all(folder.path()).map_err(|e| Error::io(folder.path(), e))?;
+        let thoroughness = match place {
+            Place::Own(_) => Thoroughness::Whole,
+            Place::Work => Thoroughness::Sampled,
+        };
+        let photos = photo_records(config, &stores, inputs, (&keys, thoroughness))?;
+        let record = JobRecord {
+            version: JobRecord::VERSION,
+            groundel: env!("CARGO_PKG_VERSION").into(),
+            manifest,
+            batches: vec![0],
+            frame: frame_toml(&mosaic),
+            view: view(&mosaic),
+            rendering,
+            common: keys.common,
+            stores: folder.state(&config.work)?,
+            mesh: mesh_record(&folder, inputs, &stores)?,
+            photo_folder: folder.state(&config.photos)?,
+            mask_folder: config.masks.as_ref().map(|masks| folder.state(masks)).transpose()?,
+            photos,
+            names: inputs.cameras.names.clone(),
+            inputs: reporting::inputs(config, inputs, &stores),
+            settings: config.described(),
+            warnings,
+        };
+        let scene = scene(&mosaic, &rendering, stores, inputs.cameras.names.len())?;
+        Ok(Self { folder, record, mosaic, scene })
     }
 }
 
-/// What decides a pixel besides the inputs.
-#[derive(Debug)]
-struct Rendering {
-    interpolation: render::Interpolation,
-    blend: render::BlendSettings,
-    tolerance: render::Tolerance,
+/// The scene of a mosaic.
+pub(in crate::cli) fn scene(
+    mosaic: &Mosaic,
+    rendering: &Rendering,
+    stores: Stores,
+    names: usize,
+) -> Result<Scene> {
+    let Stores { mesh, pixels, masks, photos, .. } = stores;
+    let origin = mesh.origin();
+    let depth = rendering.blend.depth;
+    let photos = photos.iter().map(|p| scene_photo(p, origin, &pixels, depth));
+    Ok(Scene {
+        mosaic: mosaic.local(origin),
+        photos: photos.collect::<Result<_>>()?,
+        mesh,
+        pixels,
+        masks,
+        interpolation: rendering.interpolation,
+        blend: rendering.blend,
+        names,
+        tolerance: rendering.tolerance,
+    })
+}
+
+fn rendering(
+    config: &Config,
+    mosaic: &Mosaic,
+    (colour, depth): (Colour, Depth),
+) -> Result<Rendering> {
+    let blend = render::BlendSettings {
+        outliers: choices::outliers(config.outliers),
+        beta: config.beta,
+        weights: choices::weights(config.weights),
+        blend: choices::blend(config.blend),
+        colour,
+        depth,
+        undefined: config.undefined,
+    };
+    blend.check()?;
+    let interpolation = choices::interpolation(config.interpolation);
+    Ok(Rendering { interpolation, blend, tolerance: tolerance(config, mosaic) })
 }
 
 /// ε of the occlusion test.
@@ -145,22 +181,92 @@ fn scene_photo(photo: &Photo, origin: DVec3, pixels: &PhotoStore, to: Depth) -> 
     Ok(ScenePhoto::new(index, photo, origin, own.gain(to)))
 }
 
-/// Identifies everything that decides a pixel: version, inputs and settings. Debug forms of f64 read back to the same bits.
-fn fingerprint(
-    mosaic: &Mosaic,
-    (mesh, pixels, masks): (&MeshStore, &PhotoStore, Option<&PhotoStore>),
-    photos: &[Photo],
-    rendering: &Rendering,
-) -> String {
-    let version = env!("CARGO_PKG_VERSION");
-    let mut text = format!("{version}\n{}\n{:?}\n{rendering:?}\n", frame_toml(mosaic), mesh.key());
-    let photo_line = |p: &Photo| format!("{p:?} {:?}\n", pixels.fingerprint(p.id.0 as usize));
-    text.extend(photos.iter().map(photo_line));
-    if let Some(masks) = masks {
-        let masked = photos.iter().map(|p| p.id.0 as usize).filter(|&k| masks.has(k));
-        text.extend(masked.map(|k| format!("mask {k} {:?}\n", masks.fingerprint(k))));
+/// What a perspective view is drawn of.
+fn view(mosaic: &Mosaic) -> Option<CameraRecord> {
+    match &mosaic.frame {
+        MosaicFrame::Perspective(view) => Some(CameraRecord::new(&view.lens, &view.pose)),
+        MosaicFrame::Plane(_) | MosaicFrame::Cylinder(_) => None,
     }
+}
+
+/// Fingerprints of everything that decides a pixel: version, inputs and settings.
+struct Keys {
+    /// Of all but the photos.
+    common: String,
+    /// Of each photo in the store: its file, camera and mask.
+    photos: Vec<String>,
+}
+
+impl Keys {
+    /// Debug forms of f64 read back to the same bits.
+    fn of(mosaic: &Mosaic, stores: &Stores, rendering: &Rendering) -> Self {
+        let version = env!("CARGO_PKG_VERSION");
+        let (frame, mesh, view) = (frame_toml(mosaic), stores.mesh.key(), view(mosaic));
+        let common = format!("{version}\n{frame}\n{view:?}\n{mesh:?}\n{rendering:?}\n");
+        let key = |photo: &Photo| {
+            let number = photo.id.0 as usize;
+            let masks = stores.masks.as_ref().filter(|masks| masks.has(number));
+            let mask = masks.map(|masks| masks.fingerprint(number));
+            hash(&format!("{photo:?} {:?} {mask:?}", stores.pixels.fingerprint(number)))
+        };
+        Self { common: hash(&common), photos: stores.photos.iter().map(key).collect() }
+    }
+
+    /// Of all together.
+    fn settings(&self) -> String {
+        hash(&format!("{}\n{}", self.common, self.photos.join("\n")))
+    }
+}
+
+fn hash(text: &str) -> String {
     format!("{:032x}", xxh3_128(text.as_bytes()))
+}
+
+fn mesh_record(folder: &JobFolder, inputs: &Inputs, stores: &Stores) -> Result<MeshRecord> {
+    let file = |path: &Path| -> Result<FileRecord> {
+        let stamp = Stamp::of(path, Thoroughness::Sampled)?;
+        Ok(FileRecord { file: folder.state(path)?, stamp })
+    };
+    let meshes = inputs.meshes.iter();
+    let files = meshes.flat_map(|mesh| {
+        let further = mesh.further_files().iter().map(|path| path.as_path());
+        std::iter::once(mesh.path()).chain(further)
+    });
+    let store = stores.mesh.path().file_name().and_then(|name| name.to_str());
+    Ok(MeshRecord {
+        store: store.unwrap_or_default().into(),
+        key: stores.mesh.key().hex(),
+        files: files.map(file).collect::<Result<_>>()?,
+    })
+}
+
+fn photo_records(
+    config: &Config,
+    stores: &Stores,
+    inputs: &Inputs,
+    (keys, how): (&Keys, Thoroughness),
+) -> Result<Vec<PhotoRecord>> {
+    let both: Vec<_> = stores.photos.iter().zip(&keys.photos).collect();
+    let record = |(photo, key): &(&Photo, &String)| -> Result<PhotoRecord> {
+        let is_needed = stores.pixels.fingerprint(photo.id.0 as usize).is_some();
+        let stamp = || Stamp::of(&config.photos.join(&photo.name), how);
+        let mask = inputs.masks.iter().find(|mask| mask.photo == photo.id.0 && is_needed);
+        let mask = mask.map(|mask| -> Result<FileRecord> {
+            let path = &mask.source.path;
+            let below = config.masks.as_ref().and_then(|folder| path.strip_prefix(folder).ok());
+            let file = below.unwrap_or(path).display().to_string();
+            Ok(FileRecord { file, stamp: Stamp::of(path, how)? })
+        });
+        Ok(PhotoRecord {
+            id: photo.id.0,
+            name: photo.name.clone(),
+            camera: CameraRecord::new(&photo.lens, &photo.pose),
+            key: (*key).clone(),
+            stamp: is_needed.then(stamp).transpose()?,
+            mask: mask.transpose()?,
+        })
+    };
+    both.par_iter().map(record).collect()
 }
 
 fn manifest(

@@ -10,9 +10,9 @@ use crate::{Error, Result};
 
 /// A photo's mask: the photo's id and the mask's file, checked for its size.
 #[derive(Debug)]
-pub(super) struct Mask {
-    pub(super) photo: u32,
-    pub(super) source: PhotoSource,
+pub(in crate::cli) struct Mask {
+    pub(in crate::cli) photo: u32,
+    pub(in crate::cli) source: PhotoSource,
 }
 
 /// The masks of `photos`, by id: `<photo name>.png` or, if that is not there, `<photo stem>.png` in the folder that

@@ -1,4 +1,6 @@
 //! `groundel ortho`: inputs → mesh store → grid → photo store → plan → tiles → files → report.
+//!
+//! What it plans is a job, which `super::job` renders and assembles; `groundel plan` stops there.
 
 mod choices;
 mod disk;
@@ -8,13 +10,21 @@ mod inputs;
 mod job;
 mod masks;
 mod outputs;
+mod planning;
 mod precision;
 mod profile;
 mod reporting;
 mod run;
+mod shelf;
 mod speed;
 mod stores;
 
 pub(super) use grid::of_view as mosaic_of_view;
+pub(super) use inputs::Inputs;
+pub(super) use job::{Job, Place, scene};
+pub(super) use planning::{Planned, budget, plan, tile_demand};
+pub(super) use reporting::Outcome;
 pub use run::ExitStatus;
-pub(super) use run::run;
+pub(super) use run::{on_threads, run};
+pub(super) use shelf::Shelf;
+pub(super) use stores::Stores;

@@ -4,95 +4,79 @@ use std::path::Path;
 
 use super::super::config::Config;
 use super::super::console;
-use super::forecast::Outlook;
+use super::super::job::{Files, JobRecord};
 use super::inputs::Inputs;
-use super::job::Job;
-use crate::frame::MosaicFrame;
+use super::stores::Stores;
+use crate::frame::{Mosaic, MosaicFrame};
 use crate::output::write_atomically;
 use crate::render::{OrthoTile, Statistics};
 use crate::report::{
-    CameraInput, Coverage, FrameSummary, Inputs as InputReport, MemoryUse, MeshInput, OutputFile,
-    PhotoPixels, PhotoReport, PhotoTally, Report, Run, StageLog, peak_resident_bytes,
+    CameraInput, Coverage, FrameSummary, Inputs as InputReport, MeshInput, OutputFile, PhotoReport,
+    PhotoTally, Report, Run,
 };
 use crate::{Error, Result};
 
-/// What a run has to report on.
+/// What a job has to report on.
 #[derive(Debug)]
-pub(super) struct Outcome<'a> {
-    pub(super) config: &'a Config,
-    pub(super) inputs: &'a Inputs,
-    pub(super) job: &'a Job,
-    pub(super) statistics: Statistics,
-    pub(super) memory: Vec<MemoryUse>,
-    pub(super) outlook: Outlook,
-    pub(super) log: StageLog,
+pub(in crate::cli) struct Outcome<'a> {
+    pub(in crate::cli) record: &'a JobRecord,
+    pub(in crate::cli) mosaic: &'a Mosaic,
+    pub(in crate::cli) statistics: Statistics,
+    pub(in crate::cli) files: &'a Files,
+    pub(in crate::cli) run: Run,
 }
 
-/// Writes the report that was asked for and says the summary.
-pub(super) fn report(outcome: &Outcome<'_>) -> Result<()> {
-    let Outcome { config, inputs, job, statistics, memory, outlook, log } = outcome;
-    let photos = photos(job, statistics);
-    let rejected = photos.iter().map(|p| p.pixels_rejected).sum();
-    let histogram = histogram(statistics);
-    let report = Report {
-        groundel: env!("CARGO_PKG_VERSION").to_string(),
-        inputs: input_report(config, inputs, job),
-        frame: frame(job),
-        settings: config.described(),
-        coverage: Coverage::new(job.mosaic.size.area(), &histogram, rejected),
-        photos,
-        warnings: job.warnings.clone(),
-        outputs: outputs(config, job)?,
-        run: Run {
-            threads: config.threads,
-            memory_cap_bytes: config.memory_bytes,
-            stages: log.stages().to_vec(),
-            seconds: log.seconds(),
-            peak_memory_bytes: peak_resident_bytes(),
-            memory: memory.clone(),
-            photo_pixels: photo_pixels(job),
-            forecast: outlook.forecast,
-            forecast_of: outlook.demand,
-        },
-    };
-    if let Some(path) = &config.report {
-        write_atomically(path, report.to_json().as_bytes())?;
+impl Outcome<'_> {
+    /// Writes the report to `file`, if one is asked for, and says the summary unless `quiet`.
+    pub(in crate::cli) fn report(self, file: Option<&Path>, quiet: bool) -> Result<()> {
+        let photos = photos(self.record, &self.statistics);
+        let rejected = photos.iter().map(|p| p.pixels_rejected).sum();
+        let histogram = histogram(&self.statistics);
+        let report = Report {
+            groundel: self.record.groundel.clone(),
+            inputs: self.record.inputs.clone(),
+            frame: frame(self.mosaic),
+            settings: self.record.settings.clone(),
+            coverage: Coverage::new(self.mosaic.size.area(), &histogram, rejected),
+            photos,
+            warnings: self.record.warnings.clone(),
+            outputs: outputs(self.files)?,
+            run: self.run,
+        };
+        if let Some(path) = file {
+            write_atomically(path, report.to_json().as_bytes())?;
+        }
+        if !quiet {
+            console::note(&report.summary());
+        }
+        Ok(())
     }
-    if !config.quiet {
-        console::note(&report.summary());
-    }
-    Ok(())
 }
 
-fn input_report(config: &Config, inputs: &Inputs, job: &Job) -> InputReport {
-    let counts = job.scene.mesh.counts();
+/// What was read.
+pub(super) fn inputs(config: &Config, inputs: &Inputs, stores: &Stores) -> InputReport {
+    let counts = stores.mesh.counts();
     let meshes = inputs.meshes.iter().map(|m| MeshInput {
         file: m.path().display().to_string(),
         vertices: m.vertex_count(),
         faces: m.face_count(),
     });
+    let (all, used) = (inputs.cameras.names.len() as u64, stores.photos.len() as u64);
     InputReport {
         meshes: meshes.collect(),
         degenerate_faces_dropped: counts.faces_dropped(),
         unused_non_finite_vertices: counts.vertices_unusable,
         cameras: CameraInput {
             path: config.cameras.display().to_string(),
-            photos: inputs.cameras.names.len() as u64,
-            photos_used: job.photos.len() as u64,
-            photos_excluded: (inputs.cameras.names.len() - job.photos.len() - job.left_out.len())
-                as u64,
-            left_out: job.left_out.clone(),
+            photos: all,
+            photos_used: used,
+            photos_excluded: all - used - stores.left_out.len() as u64,
+            left_out: stores.left_out.clone(),
         },
     }
 }
 
-fn photo_pixels(job: &Job) -> PhotoPixels {
-    let found = job.scene.pixels.statistics();
-    PhotoPixels { needed: found.pixels_needed, decoded: found.pixels_decoded }
-}
-
-fn frame(job: &Job) -> FrameSummary {
-    let mosaic = &job.mosaic;
+fn frame(mosaic: &Mosaic) -> FrameSummary {
     let (kind, has_ground) = match mosaic.frame {
         MosaicFrame::Plane(_) => ("plane", true),
         MosaicFrame::Cylinder(_) => ("cylinder", true),
@@ -109,10 +93,10 @@ fn frame(job: &Job) -> FrameSummary {
     }
 }
 
-fn photos(job: &Job, statistics: &Statistics) -> Vec<PhotoReport> {
-    let range = f64::from(job.scene.blend.depth.max());
-    let report = |photo: &crate::camera::Photo| {
-        let found = &statistics.photos[photo.id.0 as usize];
+fn photos(record: &JobRecord, statistics: &Statistics) -> Vec<PhotoReport> {
+    let range = f64::from(record.rendering.blend.depth.max());
+    let report = |photo: &super::super::job::PhotoRecord| {
+        let found = &statistics.photos[photo.id as usize];
         let tally = PhotoTally {
             seen: found.seen,
             used: found.used,
@@ -120,9 +104,9 @@ fn photos(job: &Job, statistics: &Statistics) -> Vec<PhotoReport> {
             compared: found.compared,
             residual_256: found.residual_256,
         };
-        PhotoReport::new(photo.id.0, photo.name.clone(), &tally, range)
+        PhotoReport::new(photo.id, photo.name.clone(), &tally, range)
     };
-    job.photos.iter().map(report).collect()
+    record.photos.iter().map(report).collect()
 }
 
 /// Pixels with a surface by the number of photos that see them, up to the last that occurs.
@@ -132,12 +116,11 @@ fn histogram(statistics: &Statistics) -> Vec<u64> {
     counts[..last].to_vec()
 }
 
-fn outputs(config: &Config, job: &Job) -> Result<Vec<OutputFile>> {
+fn outputs(files: &Files) -> Result<Vec<OutputFile>> {
     let size = |path: &Path| -> Result<OutputFile> {
         let found = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
         Ok(OutputFile { file: path.display().to_string(), bytes: found.len() })
     };
-    let (mosaic, layers) = job.outputs.split_first().expect("the mosaic is a layer");
-    let frame = config.frame_file();
-    layers.iter().chain([&frame, mosaic]).map(|path| size(path)).collect()
+    let (mosaic, layers) = files.layers.split_first().expect("the mosaic is a layer");
+    layers.iter().chain([&files.frame, mosaic]).map(|path| size(path)).collect()
 }

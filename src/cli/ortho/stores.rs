@@ -1,42 +1,33 @@
 //! The mesh store and the photo stores of a job.
 
-use std::path::Path;
-
 use super::super::config::Config;
 use super::super::progress::Progress;
 use super::inputs::Inputs;
-use super::masks::Mask;
+use super::job::Place;
+use super::shelf::Shelf;
 use crate::camera::Photo;
 use crate::geom::Size;
 use crate::plan::PhotoNeed;
 use crate::render::Budget;
 use crate::report::LeftOut;
 use crate::store::mesh::{BuildStage, MeshBuild, MeshStore};
-use crate::store::photo::{
-    self, Demand, PhotoSource, PhotoStore, Preparation, Reading, check_headers, prepare_masks,
-    prepare_photos,
-};
+use crate::store::photo::{self, Demand, PhotoSource, PhotoStore, check_headers};
 use crate::{Error, Result};
 
-/// The part of the photos' cache that masks get, where there are any: they compress to little, and decode fast.
-const MASK_SHARE: u64 = 8;
-/// The part of the photos' cache, at most, that is set aside for windows that are being decoded: not all threads do so at
-/// the same time.
-const MOST_WINDOWS: u64 = 2;
 /// Sides that differ by one factor agree to this part of a pixel.
 const FACTOR_SLACK_PX: f64 = 1.0;
 
 /// What a job renders from.
 #[derive(Debug)]
-pub(super) struct Stores {
-    pub(super) mesh: MeshStore,
-    pub(super) pixels: PhotoStore,
+pub(in crate::cli) struct Stores {
+    pub(in crate::cli) mesh: MeshStore,
+    pub(in crate::cli) pixels: PhotoStore,
     /// The masks of those of the photos that have one.
-    pub(super) masks: Option<PhotoStore>,
+    pub(in crate::cli) masks: Option<PhotoStore>,
     /// The photos in the store, by id.
-    pub(super) photos: Vec<Photo>,
+    pub(in crate::cli) photos: Vec<Photo>,
     /// The photos that were chosen but could not be used, by name.
-    pub(super) left_out: Vec<LeftOut>,
+    pub(in crate::cli) left_out: Vec<LeftOut>,
 }
 
 impl Stores {
@@ -66,26 +57,24 @@ impl Stores {
         inputs: &Inputs,
         mesh: MeshStore,
         (photos, needs): (UsablePhotos, &[Option<PhotoNeed>]),
-        budget: &Budget,
+        (budget, place): (&Budget, Place<'_>),
     ) -> Result<Self> {
         let demand = |need: &PhotoNeed| Demand { pixels: need.pixels, level: need.level };
         let source = |(photo, need): (&Photo, &Option<PhotoNeed>)| {
             photo_source(config, photo, need.as_ref().map(demand))
         };
         let sources: Vec<_> = photos.photos.iter().zip(needs).map(source).collect();
-        let share = if config.masks.is_some() { budget.photo_bytes / MASK_SHARE } else { 0 };
-        let photo_bytes = budget.photo_bytes - share;
-        let folder = config.work.join("photos");
-        let preparation = Preparation {
-            memory_bytes: photo_bytes,
-            ..preparation(config, &folder, &mesh, budget)
+        let shelf = Shelf {
+            folder: &config.work,
+            budget,
+            has_masks: config.masks.is_some(),
+            in_memory: matches!(place, Place::Work),
+            quiet: config.quiet,
         };
-        let progress = Progress::start("photo store", "photos", sources.len() as u64, config.quiet);
-        let prepared = prepare_photos(&sources, &preparation, &|_| progress.add(1));
-        progress.finish();
+        let prepared = shelf.prepare(&sources, &mesh)?;
         let UsablePhotos { photos: usable, mut left_out, mut sizes } = photos;
         let (mut photos, mut entries) = (Vec::new(), Vec::new());
-        for (photo, outcome) in usable.into_iter().zip(prepared?) {
+        for (photo, outcome) in usable.into_iter().zip(prepared) {
             match outcome {
                 Ok(ready) => {
                     entries.push((photo.id.0 as usize, ready));
@@ -105,15 +94,10 @@ impl Stores {
             let at = entries.binary_search_by_key(&(id as usize), |(k, _)| *k);
             at.is_ok_and(|at| entries[at].1.is_needed())
         };
-        let masks: Vec<_> = inputs.masks.iter().filter(|m| is_needed(m.photo)).collect();
-        let masks = build_masks(config, &masks, &mesh, budget)?;
-        let held: u64 = entries.iter().map(|(_, photo)| photo.memory_bytes()).sum();
-        let windows = if entries.iter().any(|(_, photo)| photo.is_indexed()) {
-            (PhotoStore::WINDOW_BYTES * config.threads as u64).min(photo_bytes / MOST_WINDOWS)
-        } else {
-            0
-        };
-        let pixels = PhotoStore::new(entries, photo_bytes.saturating_sub(held + windows))?;
+        let masks = inputs.masks.iter().filter(|m| is_needed(m.photo));
+        let masks: Vec<_> = masks.map(|mask| (mask.photo, mask.source.clone())).collect();
+        let masks = shelf.masks(&masks, &mesh)?;
+        let pixels = shelf.pixels(entries)?;
         Ok(Self { mesh, pixels, masks, photos, left_out })
     }
 }
@@ -161,22 +145,6 @@ fn named(photo: &Photo, left: &photo::LeftOut) -> LeftOut {
     LeftOut { photo: photo.name.clone(), reason: left.reason.to_string() }
 }
 
-fn preparation<'a>(
-    config: &Config,
-    folder: &'a Path,
-    mesh: &MeshStore,
-    budget: &Budget,
-) -> Preparation<'a> {
-    Preparation {
-        folder,
-        budget_bytes: budget.decode_bytes,
-        beside_bytes: mesh.held_bytes(),
-        threads: config.threads,
-        memory_bytes: 0,
-        reading: Reading::Auto,
-    }
-}
-
 /// How the mesh store is built.
 pub(super) fn mesh_build(config: &Config, budget: &Budget) -> MeshBuild {
     MeshBuild {
@@ -184,26 +152,6 @@ pub(super) fn mesh_build(config: &Config, budget: &Budget) -> MeshBuild {
         budget_bytes: usize::try_from(budget.build_bytes).unwrap_or(usize::MAX),
         resident_limit_bytes: budget.mesh_bytes,
     }
-}
-
-/// Builds the tile stores of the masks, or opens those that are there; `None` if masks were not asked for.
-fn build_masks(
-    config: &Config,
-    masks: &[&Mask],
-    mesh: &MeshStore,
-    budget: &Budget,
-) -> Result<Option<PhotoStore>> {
-    if config.masks.is_none() {
-        return Ok(None);
-    }
-    let sources: Vec<_> = masks.iter().map(|mask| mask.source.clone()).collect();
-    let folder = config.work.join("masks");
-    let progress = Progress::start("mask store", "masks", sources.len() as u64, config.quiet);
-    let prepared =
-        prepare_masks(&sources, &preparation(config, &folder, mesh, budget), &|_| progress.add(1));
-    progress.finish();
-    let entries = masks.iter().map(|mask| mask.photo as usize).zip(prepared?);
-    PhotoStore::new(entries, budget.photo_bytes / MASK_SHARE).map(Some)
 }
 
 /// How far the whole building is, when `done` of `total` of a stage are done. The faces take most of the time.

@@ -1,0 +1,84 @@
+//! Everything that comes before the first tile: inputs → mesh store → grid → photo store → plan.
+
+use super::super::config::Config;
+use super::super::console;
+use super::forecast::{Outlook, Scope};
+use super::grid::grid;
+use super::inputs::Inputs;
+use super::job::{Job, Place};
+use super::stores::{Stores, UsablePhotos};
+use crate::Result;
+use crate::image::{Colour, Depth};
+use crate::output::Layer;
+use crate::plan::{Survey, photo_needs};
+use crate::render::{Budget, TileDemand};
+use crate::report::StageLog;
+
+/// Overview levels that memory is set aside for: those of a mosaic 2¹⁰ tiles wide.
+const MOST_LEVELS: u64 = 10;
+
+/// A job that is about to be rendered.
+#[derive(Debug)]
+pub(in crate::cli) struct Planned {
+    pub(in crate::cli) job: Job,
+    pub(in crate::cli) budget: Budget,
+    pub(in crate::cli) outlook: Outlook,
+    /// What work lies where.
+    pub(in crate::cli) survey: Survey,
+    pub(in crate::cli) log: StageLog,
+}
+
+/// Plans the job that `config` asks for; warnings and photos that are left out are told.
+///
+/// # Errors
+/// Bad input, or a job over budget.
+pub(in crate::cli) fn plan(
+    config: &Config,
+    inputs: &Inputs,
+    budget: Budget,
+    place: Place<'_>,
+) -> Result<Planned> {
+    let mut log = StageLog::start();
+    let outlook = Outlook::before(config, inputs, &budget)?;
+    let mesh = log.run("mesh store", || Stores::build_mesh(config, inputs, &budget))?;
+    let budget = budget.with_mesh(mesh.file_bytes());
+    let photos = log.run("photo headers", || UsablePhotos::check(config, inputs))?;
+    let (mosaic, needs) = log.run("grid", || {
+        let mosaic = grid(config, &mesh, &inputs.cameras, &photos.photos)?;
+        let needs = photo_needs(&mesh, &mosaic, &mosaic.size.rect(), &photos.photos);
+        Ok::<_, crate::Error>((mosaic, needs))
+    })?;
+    let scope = Scope { mesh: &mesh, mosaic: &mosaic, photos: &photos.photos, needs: &needs };
+    let (outlook, survey) = outlook.of_all(config, &budget, &scope)?;
+    let stores = log.run("photo store", || {
+        Stores::build(config, inputs, mesh, (photos, &needs), (&budget, place))
+    })?;
+    for left_out in &stores.left_out {
+        console::note(&format!("groundel: {} is left out: {}", left_out.photo, left_out.reason));
+    }
+    let job = log.run("plan", || Job::plan(config, inputs, mosaic, stores, place))?;
+    for warning in &job.record.warnings {
+        console::note(&format!("groundel: warning: {warning}"));
+    }
+    Ok(Planned { job, budget, outlook, survey, log })
+}
+
+/// The shares of the memory: known before anything is read, but for the colours, of which the most is assumed.
+///
+/// # Errors
+/// If finished tiles alone take too much.
+pub(in crate::cli) fn budget(config: &Config) -> Result<Budget> {
+    let layers = config.layers.iter().filter_map(|&meaning| Layer::of(meaning));
+    let mosaic = Layer::mosaic(Colour::Rgb, Depth::Sixteen);
+    let demand = tile_demand(config.tile_size, layers.chain([mosaic]));
+    Budget::new(config.memory_bytes, config.threads, demand)
+}
+
+/// What finished tiles of these layers take.
+pub(in crate::cli) fn tile_demand(
+    tile_size: u32,
+    layers: impl Iterator<Item = Layer>,
+) -> TileDemand {
+    let pixel_bytes = layers.map(|layer| layer.pixel_bytes() as u64).sum();
+    TileDemand { tile_size, pixel_bytes, levels: MOST_LEVELS }
+}
