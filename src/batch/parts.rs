@@ -171,6 +171,27 @@ impl Parts {
         Ok(())
     }
 
+    /// Removes unfinished files that nobody holds: of a job of which all batches are finished they are left over.
+    ///
+    /// # Errors
+    /// If the folder refuses.
+    pub fn sweep(&self) -> Result<()> {
+        for path in self.files(|name| name.ends_with(UNFINISHED))? {
+            if matches!(hold(&path), Ok(Some(_))) {
+                remove(&path)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes all parts.
+    ///
+    /// # Errors
+    /// If the folder refuses.
+    pub fn remove(self) -> Result<()> {
+        fs::remove_dir_all(&self.folder).map_err(|e| Error::io(&self.folder, e))
+    }
+
     fn unfinished(&self, batch: u32) -> Result<Vec<PathBuf>> {
         let prefix = format!("batch-{batch:05}.");
         self.files(|name| name.starts_with(&prefix) && name.ends_with(UNFINISHED))

@@ -86,7 +86,7 @@ pub enum Command {
     Render(RenderArgs),
     /// Assemble the rendered parts of a job into the final files
     Assemble(AssembleArgs),
-    /// Tell what is in a mesh, camera set, photo, store, frame, project or mosaic
+    /// Tell what is in a mesh, camera set, photo, store, frame, project, job or mosaic
     Info {
         /// A file or a folder
         path: PathBuf,

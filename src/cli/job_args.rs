@@ -70,6 +70,9 @@ pub struct AssembleArgs {
     /// Run report: counts, coverage, photos [default: none]
     #[arg(long, value_name = "FILE.json", value_parser = OsStringValueParser::new().try_map(values::path))]
     pub report: Option<PathBuf>,
+    /// Remove the job's parts once the files are in their places; the stores stay
+    #[arg(long)]
+    pub remove: bool,
     /// Threads that make the overviews between batches [default: all processors]
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,

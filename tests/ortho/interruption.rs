@@ -210,7 +210,7 @@ fn a_disk_too_small_is_refused_with_code_3_a_full_one_ends_with_4_and_after_room
         echo "small $?" >> "$shift_out/codes"
         ls -A "$SMALL" > "$shift_out/names.small"
         mount -o remount,size=16m "$SMALL" || exit 99
-        written() { cat "$SMALL"/.groundel/job-*/part-0 2> /dev/null | wc -c; }
+        written() { cat "$SMALL"/.groundel/job-*/parts/*.unfinished 2> /dev/null | wc -c; }
         for time in first second; do
           before=$(written)
           "$@" &

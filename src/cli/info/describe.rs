@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::{cameras, mesh, photo, settings, tiff};
+use super::{cameras, job, mesh, photo, settings, tiff};
 use crate::input::{CameraOptions, is_camera_file, mesh_format};
 use crate::{Error, Result};
 
@@ -12,7 +12,7 @@ use crate::{Error, Result};
 const HEAD_BYTES: u64 = 16;
 
 /// What `groundel info` can tell about.
-const KNOWN: &str = "known are COLMAP folders, camera files of other tools, PLY, OBJ, STL, XYZ triplets, glTF, JPEG, PNG, TIFF, mesh stores, frame and project files (.toml)";
+const KNOWN: &str = "known are jobs, COLMAP folders, camera files of other tools, PLY, OBJ, STL, XYZ triplets, glTF, JPEG, PNG, TIFF, mesh stores, frame and project files (.toml)";
 
 /// What is in the file or folder at `path`, a few lines, each ending in a newline. Cameras are read with `options`, and
 /// proven on the mesh, if one is named.
@@ -24,6 +24,9 @@ pub(in crate::cli) fn describe(
     mesh_path: Option<&Path>,
     options: &CameraOptions,
 ) -> Result<String> {
+    if job::is_job(path) {
+        return job::describe(path);
+    }
     let cameras = || cameras::describe(path, mesh_path, options);
     if path.is_dir() || mesh_path.is_some() || options.format.is_some() {
         return cameras();

@@ -2,6 +2,7 @@
 
 mod cameras;
 mod describe;
+mod job;
 mod mesh;
 mod photo;
 mod settings;

@@ -14,7 +14,7 @@ use crate::output::{BigTiff, write_atomically};
 use crate::report::{Run, StageLog, peak_resident_bytes};
 use crate::{Error, Result};
 
-/// Batches that are named when they are missing.
+/// Batches, and tiles, that are named when they are missing.
 const NAMED: usize = 10;
 
 /// Assembles a job of which all batches are finished.
@@ -47,6 +47,10 @@ pub(in crate::cli) fn run(args: &AssembleArgs) -> Result<ExitStatus> {
         let mosaic = record.mosaic(&folder)?;
         let outcome = Outcome { record: &record, mosaic: &mosaic, statistics, files: &files, run };
         outcome.report(args.report.as_deref(), args.quiet)?;
+        parts.sweep()?;
+        if args.remove {
+            parts.remove()?;
+        }
         Ok(ExitStatus::of(record.inputs.cameras.left_out.len()))
     })
 }
@@ -66,21 +70,30 @@ pub(in crate::cli) fn assemble_files(
     assemble(&assembly, &interrupt::check)
 }
 
+/// Names the batches that are missing, and their tiles.
 fn refuse_missing(record: &JobRecord, parts: &Parts) -> Result<()> {
-    let mut missing = Vec::new();
-    for batch in 0..record.batch_count() {
+    let (mut batches, mut tiles) = (Vec::new(), Vec::new());
+    for (batch, own) in (0..).zip(record.tiles_by_batch()) {
         if !parts.is_finished(&record.manifest, batch)? {
-            missing.push(batch.to_string());
+            batches.push(batch.to_string());
+            tiles.extend(own.iter().map(|tile| format!("({}, {})", tile.x, tile.y)));
         }
     }
-    if missing.is_empty() {
+    if batches.is_empty() {
         return Ok(());
     }
-    let (count, all) = (missing.len(), record.batch_count());
-    missing.truncate(NAMED);
-    let more = if count > NAMED { format!(" and {} more", count - NAMED) } else { String::new() };
-    let names = missing.join(", ");
+    let (count, all) = (batches.len(), record.batch_count());
     Err(Error::usage(format!(
-        "the job is not finished: {count} of {all} batches are missing: {names}{more} (`groundel render` makes them)"
+        "the job is not finished: {count} of {all} batches are missing: {}; {} tiles: {} (`groundel render` makes them)",
+        first(&batches),
+        tiles.len(),
+        first(&tiles)
     )))
+}
+
+/// The first of some names, and how many more there are.
+fn first(names: &[String]) -> String {
+    let more = names.len().saturating_sub(NAMED);
+    let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{rest}", names[..names.len() - more].join(", "))
 }
