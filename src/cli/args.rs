@@ -9,7 +9,7 @@ use clap::{Arg, ArgAction, CommandFactory, FromArgMatches, Parser, Subcommand};
 use super::job_args::{AssembleArgs, PlanArgs, RenderArgs};
 use super::settings::{BlendRule, Interpolation, Outliers, View, Weights};
 use super::values;
-use crate::input::{AngleUnit, CameraFormat, CameraOptions, TableLens};
+use crate::input::{AngleUnit, CameraFormat, CameraOptions, Shift, TableLens};
 use crate::output::{Compression, Meaning};
 
 /// Parsers of a path and of a pattern, which may be any text of the system.
@@ -163,6 +163,7 @@ impl CameraArgs {
             lens: self.lens.unwrap_or_default(),
             image_list: self.image_list.clone(),
             photos,
+            odm_offset: None,
             force,
         }
     }
@@ -210,9 +211,9 @@ pub struct OrthoArgs {
     /// Surface mesh: PLY, OBJ, STL, GLB, glTF (y is not turned up), XYZ triplets; text also .gz, .zst; repeatable, face ids run on
     #[arg(long, value_name = "FILE", help_heading = "Input", value_parser = path!())]
     pub mesh: Vec<PathBuf>,
-    /// Added to every vertex of every mesh, metres: from reduced coordinates to the ground [default: 0,0,0]
-    #[arg(long, value_name = "X,Y,Z", help_heading = "Input", value_parser = values::shift)]
-    pub shift: Option<[f64; 3]>,
+    /// Added to every vertex of every mesh, metres: from reduced coordinates to the ground; or the coords.txt of an ODM project, added to its cameras too [default: 0,0,0]
+    #[arg(long, value_name = "X,Y,Z|FILE.txt", help_heading = "Input", value_parser = values::shift)]
+    pub shift: Option<Shift>,
     /// Orientations of the photos: a COLMAP model folder, or the file of another tool (--camera-format)
     #[arg(long, value_name = "PATH", help_heading = "Input", value_parser = path!())]
     pub cameras: Option<PathBuf>,

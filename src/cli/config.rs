@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::thread;
 
 use clap::ValueEnum;
+use glam::DVec3;
 use serde_json::{Map, Value, json};
 
 use super::args::OrthoArgs;
@@ -14,7 +15,7 @@ use super::project;
 use super::settings::{BlendRule, Interpolation, Outliers, Weights};
 use super::values::LEAST_MEMORY_BYTES;
 use crate::frame::FrameSpec;
-use crate::input::{AngleUnit, CameraFormat, CameraOptions};
+use crate::input::{AngleUnit, CameraFormat, CameraOptions, Shift};
 use crate::output::{Compression, Meaning};
 use crate::report::physical_bytes;
 use crate::{Error, Result};
@@ -110,14 +111,20 @@ impl Config {
         if args.mesh.is_empty() {
             return Err(missing("mesh"));
         }
+        // `+ 0.0` turns −0 into 0.
+        let shift = args.shift.as_ref().map_or(Ok([0.0; 3]), Shift::metres)?.map(|v| v + 0.0);
+        let odm_offset = match args.shift {
+            Some(Shift::OfOdm(_)) => Some(DVec3::from(shift)),
+            _ => None,
+        };
+        let camera_options = args.camera.options(args.photos.clone(), args.force);
         Ok(Self {
             cameras: needed(args.cameras.clone(), "cameras")?,
-            camera_options: args.camera.options(args.photos.clone(), args.force),
+            camera_options: CameraOptions { odm_offset, ..camera_options },
             photos: needed(args.photos.clone(), "photos")?,
             frame: frame_choice::frame(&args, frame)?,
             meshes: args.mesh,
-            // `+ 0.0` turns −0 into 0.
-            shift: args.shift.unwrap_or_default().map(|metres| metres + 0.0),
+            shift,
             choice: PhotoChoice { include: args.include, exclude: args.exclude },
             masks: args.masks,
             force: args.force,

@@ -1,10 +1,10 @@
 //! Parsers of the flags' values. Each error says what is expected; the caller adds the flag's name.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::frame::Plane;
-use crate::input::{AngleUnit, CameraFormat, TableLens};
+use crate::input::{AngleUnit, CameraFormat, Shift, TableLens};
 use crate::output::{Compression, Meaning};
 
 /// Least memory cap, bytes: 256 MiB.
@@ -61,14 +61,25 @@ pub(super) fn check_elevation(slab: [f64; 2]) -> Parsed<[f64; 2]> {
     Ok(slab)
 }
 
-/// `X,Y,Z`, metres.
-pub(super) fn shift(text: &str) -> Parsed<[f64; 3]> {
-    check_shift(numbers(text)?)
+/// `X,Y,Z`, metres, or the text file of an ODM project.
+pub(super) fn shift(text: &str) -> Parsed<Shift> {
+    match numbers(text) {
+        Ok(metres) => check_shift(Shift::Stated(metres)),
+        Err(_) if is_text_file(text) => path(text.into()).map(Shift::OfOdm),
+        Err(fault) => Err(fault),
+    }
+}
+
+fn is_text_file(text: &str) -> bool {
+    Path::new(text).extension().is_some_and(|end| end.eq_ignore_ascii_case("txt"))
 }
 
 /// A shift is finite.
-pub(super) fn check_shift(shift: [f64; 3]) -> Parsed<[f64; 3]> {
-    finite(shift)
+pub(super) fn check_shift(shift: Shift) -> Parsed<Shift> {
+    if let Shift::Stated(metres) = shift {
+        finite(metres)?;
+    }
+    Ok(shift)
 }
 
 /// `X,Y,Z`, not zero.
@@ -367,7 +378,8 @@ mod tests {
         assert!(positive("0").is_err() && positive("-1").is_err() && positive("inf").is_err());
         assert_eq!(not_negative("0"), Ok(0.0));
         assert!(not_negative("-0.1").is_err() && not_negative("nan").is_err());
-        assert_eq!(shift("-5e5, 0,4200000.25"), Ok([-5e5, 0.0, 4_200_000.25]));
+        assert_eq!(shift("-5e5, 0,4200000.25"), Ok(Shift::Stated([-5e5, 0.0, 4_200_000.25])));
+        assert_eq!(shift("odm/coords.txt"), Ok(Shift::OfOdm("odm/coords.txt".into())));
         assert!(shift("0,0").is_err() && shift("inf,0,0").is_err() && shift("0,nan,0").is_err());
         assert!(direction("0,0,0").is_err() && direction("0,0,-1").is_ok());
     }

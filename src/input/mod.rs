@@ -30,6 +30,7 @@ mod project;
 #[cfg(test)]
 mod reading;
 mod realitycapture;
+mod shift;
 mod soup;
 mod stl;
 mod table;
@@ -48,4 +49,5 @@ pub use glob::glob_matches;
 pub use mesh::{MeshFormat, MeshKind, mesh_format, open_mesh, shifted};
 pub use ply::PlyMesh;
 pub use project::Project;
+pub use shift::Shift;
 pub use toml_file::read_frame;

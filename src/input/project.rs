@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::shift::Shift;
 use super::toml_file::TomlFile;
 use crate::Result;
 use crate::frame::{FrameSpec, FrameTable};
@@ -18,7 +19,7 @@ pub struct Project {
     /// Mesh files, in order.
     pub mesh: Vec<PathBuf>,
     /// Added to every vertex of every mesh, metres.
-    pub shift: Option<[f64; 3]>,
+    pub shift: Option<Shift>,
     /// Camera file or folder.
     pub cameras: Option<PathBuf>,
     /// Format of the cameras, as `--camera-format`.
@@ -97,7 +98,7 @@ pub struct Project {
 struct ProjectTable {
     #[serde(default)]
     mesh: Vec<PathBuf>,
-    shift: Option<[f64; 3]>,
+    shift: Option<Shift>,
     cameras: Option<PathBuf>,
     camera_format: Option<String>,
     angle_unit: Option<String>,
@@ -162,7 +163,10 @@ impl ProjectTable {
         let at = |path: Option<PathBuf>| path.map(|p| folder.join(p));
         Project {
             mesh: self.mesh.into_iter().map(|p| folder.join(p)).collect(),
-            shift: self.shift,
+            shift: self.shift.map(|shift| match shift {
+                Shift::OfOdm(path) => Shift::OfOdm(folder.join(path)),
+                stated @ Shift::Stated(_) => stated,
+            }),
             cameras: at(self.cameras),
             camera_format: self.camera_format,
             angle_unit: self.angle_unit,
@@ -267,7 +271,7 @@ v_axis = [0, 0, 1]
         assert_eq!(p.mesh[2], Path::new("/abs/c.ply"));
         let expected = Project {
             mesh: p.mesh.clone(),
-            shift: Some([500_000.0, 4_200_000.5, 0.0]),
+            shift: Some(Shift::Stated([500_000.0, 4_200_000.5, 0.0])),
             cameras: at("sparse"),
             camera_format: some("bundler"),
             angle_unit: some("gon"),

@@ -1,17 +1,21 @@
 //! Faults written into a file are detected by its tie points, in every format that has some.
 
 use glam::DVec2;
-use groundel::input::{CameraOptions, Reading, read_cameras};
+use groundel::geom::Bounds3;
+use groundel::input::{CameraOptions, MeshProof, Reading, read_cameras};
 
 use crate::rig::{Bend, Rig};
+use crate::suites;
 use crate::writers::{self, Writer};
 
-const WRITERS: [(&str, Writer); 5] = [
+const WRITERS: [(&str, Writer); 7] = [
     ("colmap text", writers::colmap_text),
     ("colmap binary", writers::colmap_binary),
     ("opensfm", writers::opensfm),
     ("openmvg", writers::openmvg),
     ("alicevision", writers::alicevision),
+    ("metashape", suites::metashape),
+    ("micmac", suites::micmac),
 ];
 
 /// What reading the rig says, each format in turn: residual, better reading and the refusal if there is one.
@@ -119,6 +123,30 @@ fn transposed_rotations_are_refused() {
                 assert_eq!(better, Some(expected), "{name}");
                 assert!(refusal.unwrap().contains("transposed"), "{name}");
             });
+        }
+    }
+}
+
+#[test]
+fn without_tie_points_the_mesh_tells_of_wrong_rotations() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::brown();
+    rig.write_photos(&folder.path().join("photos"));
+    let (mut transposed, mut backward) = (rig.clone(), rig.clone());
+    transposed.cameras.iter_mut().for_each(|c| c.rotation = c.rotation.transpose());
+    let turn = glam::DMat3::from_diagonal(glam::DVec3::new(1.0, -1.0, -1.0));
+    backward.cameras.iter_mut().for_each(|c| c.rotation = turn * c.rotation);
+    let bounds = Bounds3::of(rig.points.iter().copied());
+    let writers: [Writer; 3] = [suites::pix4d, suites::reality_xmp, suites::reality_table];
+    for write in writers {
+        for (rig, is_right) in [(&rig, true), (&transposed, false), (&backward, false)] {
+            let path = write(rig, folder.path());
+            let options = writers::options(folder.path());
+            let cameras = read_cameras(&path, &options).unwrap();
+            let read = (&*path, cameras.format, &options);
+            let proof = MeshProof::of(read, &cameras.set.photos, &bounds).unwrap();
+            assert_eq!(proof.warnings().is_empty(), is_right, "{proof:?}");
+            assert_eq!((proof.in_front == 6, proof.inside == 6), (is_right, is_right), "{proof:?}");
         }
     }
 }

@@ -3,15 +3,23 @@
 use std::path::Path;
 use std::process::Command;
 
-use groundel::input::{CameraFormat, read_cameras};
+use groundel::input::{CameraFormat, Proof, read_cameras};
 
-use crate::rig::Rig;
+use crate::rig::{Bend, Rig};
+use crate::suites;
 use crate::writers::{self, Writer};
 
 /// What a format may differ from the truth by, pixels: a hundredth.
 const CLOSE_PX: f64 = 0.01;
 
 fn check(rig: &Rig, write: Writer, format: CameraFormat) {
+    let proof = read(rig, write, format).expect("it comes with tie points");
+    assert_eq!(proof.ties, rig.cameras.len() * rig.points.len());
+    assert!(proof.error_px < CLOSE_PX && proof.better.is_none(), "{format:?}: {proof:?}");
+}
+
+/// Reads the rig in one format, to the truth.
+fn read(rig: &Rig, write: Writer, format: CameraFormat) -> Option<Proof> {
     let folder = tempfile::tempdir().unwrap();
     rig.write_photos(&folder.path().join("photos"));
     let path = write(rig, folder.path());
@@ -19,9 +27,7 @@ fn check(rig: &Rig, write: Writer, format: CameraFormat) {
     assert_eq!(cameras.format, format);
     let error = rig.greatest_error(&cameras.set);
     assert!(error < CLOSE_PX, "{format:?}: {error} px");
-    let proof = cameras.proof.expect("it comes with tie points");
-    assert_eq!(proof.ties, rig.cameras.len() * rig.points.len());
-    assert!(proof.error_px < CLOSE_PX && proof.better.is_none(), "{format:?}: {proof:?}");
+    cameras.proof
 }
 
 #[test]
@@ -33,6 +39,20 @@ fn each_format_is_read_to_a_hundredth_of_a_pixel() {
     check(&Rig::brown(), writers::alicevision, CameraFormat::AliceVision);
     check(&Rig::brown(), writers::old_alicevision, CameraFormat::AliceVision);
     check(&Rig::radial(), writers::bundler, CameraFormat::Bundler);
+    check(&Rig::brown(), suites::metashape, CameraFormat::Metashape);
+    check(&Rig::brown(), suites::micmac, CameraFormat::MicMac);
+}
+
+#[test]
+fn formats_without_tie_points_are_read_to_a_hundredth_of_a_pixel() {
+    let forms: [(Writer, CameraFormat); 3] = [
+        (suites::pix4d, CameraFormat::Pix4d),
+        (suites::reality_xmp, CameraFormat::RealityCapture),
+        (suites::reality_table, CameraFormat::RealityCapture),
+    ];
+    for (write, format) in forms {
+        assert_eq!(read(&Rig::brown(), write, format), None, "{format:?}");
+    }
 }
 
 #[test]
@@ -40,6 +60,21 @@ fn fisheyes_are_read_to_a_hundredth_of_a_pixel() {
     check(&Rig::fisheye(), writers::opensfm, CameraFormat::OpenSfm);
     check(&Rig::fisheye(), writers::openmvg, CameraFormat::OpenMvg);
     check(&Rig::fisheye(), writers::alicevision, CameraFormat::AliceVision);
+    check(&Rig::fisheye(), suites::metashape, CameraFormat::Metashape);
+}
+
+#[test]
+fn every_fisheye_of_colmap_is_read_to_a_hundredth_of_a_pixel_beyond_sixty_degrees() {
+    for bend in [
+        Bend::Fisheye([0.02, -0.004, 0.001, -0.0005]),
+        Bend::Fisheye([0.03, 0.0, 0.0, 0.0]),
+        Bend::Fisheye([-0.02, 0.004, 0.0, 0.0]),
+        Bend::Fov(0.9),
+        Bend::ThinPrism([0.02, -0.004, 0.001, -0.0005], [2e-3, -1e-3], [1e-3, 2e-3]),
+    ] {
+        check(&Rig::wide(bend), writers::colmap_text, CameraFormat::Colmap);
+        check(&Rig::wide(bend), writers::colmap_binary, CameraFormat::Colmap);
+    }
 }
 
 #[test]

@@ -9,6 +9,7 @@ use glam::DVec2;
 use groundel::synthetic::{Sampling, photos, scenes};
 
 use crate::rig::{Bend, Camera, Rig};
+use crate::suites;
 use crate::table::{HEADER, angles};
 use crate::writers;
 
@@ -53,6 +54,27 @@ fn the_mosaic_of_a_table_is_that_of_the_colmap_model() {
     let told = String::from_utf8(told.stdout).unwrap();
     let psnr = told.lines().find_map(|l| l.strip_prefix("PSNR: ")?.strip_suffix(" dB")).unwrap();
     assert!(psnr.parse::<f64>().unwrap() > 60.0, "{told}");
+}
+
+#[test]
+fn a_camera_that_metashape_did_not_align_is_left_out_by_name_and_the_job_ends_with_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::brown();
+    rig.write_photos(&folder.path().join("photos"));
+    let path = suites::metashape(&rig, folder.path());
+    let text = fs::read_to_string(&path).unwrap();
+    let (before, rest) = text.split_once("label=\"IMG 2\"><transform>").unwrap();
+    let (_, after) = rest.split_once("</transform>").unwrap();
+    fs::write(&path, format!("{before}label=\"IMG 2\">{after}")).unwrap();
+    let vertices = rig.points.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let mesh = vertices.collect::<String>() + "f 1 2 3\nf 4 5 6\n";
+    fs::write(folder.path().join("m.obj"), mesh).unwrap();
+    let input = ["ortho", "--mesh", "m.obj", "--photos", "photos", "--view", "top"];
+    let cameras = ["--cameras", "metashape.xml", "--pixel-size", "0.05", "--out", "o.tif"];
+    let done = groundel(folder.path(), &[&input[..], &cameras].concat());
+    let said = String::from_utf8(done.stderr).unwrap();
+    assert_eq!(done.status.code(), Some(1), "{said}");
+    assert!(said.contains("IMG 2.png") && said.contains("not aligned"), "{said}");
 }
 
 #[test]

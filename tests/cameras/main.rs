@@ -6,6 +6,8 @@ mod faults;
 mod formats;
 mod hostile;
 mod job;
+mod odm;
 mod rig;
+mod suites;
 mod table;
 mod writers;

@@ -17,6 +17,10 @@ pub(crate) enum Bend {
     Brown([f64; 3], [f64; 2]),
     /// OpenCV's fisheye: `k1 … k4`.
     Fisheye([f64; 4]),
+    /// Devernay and Faugeras: `omega`.
+    Fov(f64),
+    /// A fisheye with `k1 … k4`, `p1, p2`, `sx1, sy1`.
+    ThinPrism([f64; 4], [f64; 2], [f64; 2]),
 }
 
 #[derive(Debug, Clone)]
@@ -52,6 +56,20 @@ impl Camera {
                     a * (1.0 + k1 * a.powi(2) + k2 * a.powi(4) + k3 * a.powi(6) + k4 * a.powi(8));
                 DVec2::new(x, y) * (bent / r)
             }
+            Bend::Fov(omega) => {
+                let r = r2.sqrt();
+                DVec2::new(x, y) * ((2.0 * r * (0.5 * omega).tan()).atan() / omega / r)
+            }
+            Bend::ThinPrism([k1, k2, k3, k4], [p1, p2], [s1, s2]) => {
+                // COLMAP's formula on the plane of angles.
+                let (r, a) = (r2.sqrt(), r2.sqrt().atan());
+                let (u, v, a2) = (x * a / r, y * a / r, a * a);
+                let g = 1.0 + k1 * a2 + k2 * a2.powi(2) + k3 * a2.powi(3) + k4 * a2.powi(4);
+                DVec2::new(
+                    u * g + 2.0 * p1 * u * v + p2 * (a2 + 2.0 * u * u) + s1 * a2,
+                    v * g + p1 * (a2 + 2.0 * v * v) + 2.0 * p2 * u * v + s2 * a2,
+                )
+            }
         };
         bent * self.focal + self.principal
     }
@@ -63,7 +81,7 @@ impl Camera {
     pub(crate) fn brown(&self) -> ([f64; 3], [f64; 2]) {
         match self.bend {
             Bend::Brown(k, p) => (k, p),
-            Bend::Fisheye(_) => panic!("a fisheye"),
+            other => panic!("{other:?} is no Brown lens"),
         }
     }
 }
@@ -80,12 +98,17 @@ pub(crate) struct Rig {
 impl Rig {
     /// Six cameras that look at fifty points from all sides, turned about their axes, each with its own lens.
     pub(crate) fn new(bend: impl Fn(&mut Random) -> Bend) -> Self {
+        Self::spread(1.5, bend)
+    }
+
+    /// The same about points up to `most` metres from the middle in x, y and z.
+    fn spread(most: f64, bend: impl Fn(&mut Random) -> Bend) -> Self {
         let mut r = Random::new(11);
         let origin = DVec3::new(512_000.0, -2_300.0, 140.0);
         let near = |r: &mut Random, most: f64| {
             DVec3::new(r.between(-most, most), r.between(-most, most), r.between(-most, most))
         };
-        let points: Vec<_> = (0..50).map(|_| origin + near(&mut r, 1.5)).collect();
+        let points: Vec<_> = (0..50).map(|_| origin + near(&mut r, most)).collect();
         let camera = |k: usize, r: &mut Random| {
             let away =
                 (near(r, 1.0) + DVec3::new(0.3, -0.2, 0.1)).normalize() * r.between(6.0, 8.0);
@@ -121,6 +144,23 @@ impl Rig {
 
     pub(crate) fn fisheye() -> Self {
         Self::new(|r| Bend::Fisheye([r.between(-0.05, 0.05), 0.01, -0.002, 0.001]))
+    }
+
+    /// Lenses that see some points more than sixty degrees from their axes.
+    pub(crate) fn wide(bend: Bend) -> Self {
+        let mut rig = Self::spread(3.2, |_| bend);
+        let origin = DVec3::new(512_000.0, -2_300.0, 140.0);
+        // The points within a ball, the cameras close to it.
+        rig.points.iter_mut().for_each(|p| *p = origin + (*p - origin).clamp_length_max(3.4));
+        for camera in &mut rig.cameras {
+            camera.focal *= 0.4;
+            camera.centre = origin + (camera.centre - origin) * 0.62;
+        }
+        let rig = rig.measured();
+        let angle = |c: &Camera, &p: &DVec3| (c.rotation * (p - c.centre)).angle_between(DVec3::Z);
+        let angles = rig.cameras.iter().flat_map(|c| rig.points.iter().map(move |p| angle(c, p)));
+        assert!(angles.fold(0.0, f64::max) > 1.05);
+        rig
     }
 
     /// The rig whose positions are those that its cameras see.

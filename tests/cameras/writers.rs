@@ -18,25 +18,37 @@ pub(crate) fn options(folder: &Path) -> CameraOptions {
     CameraOptions { photos: Some(folder.join("photos")), ..CameraOptions::default() }
 }
 
-const W: f64 = SIZE.width as f64;
-const H: f64 = SIZE.height as f64;
+pub(crate) const W: f64 = SIZE.width as f64;
+pub(crate) const H: f64 = SIZE.height as f64;
 
-/// Coefficients as COLMAP's `FULL_OPENCV` orders them.
-fn full_opencv(camera: &Camera) -> [f64; 12] {
-    let ([k1, k2, k3], [p1, p2]) = camera.brown();
+/// COLMAP's model, its number and its parameters.
+fn colmap_lens(camera: &Camera) -> (&'static str, i32, Vec<f64>) {
     let (f, c) = (camera.focal, camera.principal);
-    [f, f, c.x, c.y, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
+    let (name, id, both, rest) = match camera.bend {
+        Bend::Brown([k1, k2, k3], [p1, p2]) => {
+            ("FULL_OPENCV", 6, true, vec![k1, k2, p1, p2, k3, 0.0, 0.0, 0.0])
+        }
+        Bend::Fisheye([k1, 0.0, 0.0, 0.0]) => ("SIMPLE_RADIAL_FISHEYE", 8, false, vec![k1]),
+        Bend::Fisheye([k1, k2, 0.0, 0.0]) => ("RADIAL_FISHEYE", 9, false, vec![k1, k2]),
+        Bend::Fisheye(k) => ("OPENCV_FISHEYE", 5, true, k.to_vec()),
+        Bend::Fov(omega) => ("FOV", 7, true, vec![omega]),
+        Bend::ThinPrism([k1, k2, k3, k4], [p1, p2], [s1, s2]) => {
+            ("THIN_PRISM_FISHEYE", 10, true, vec![k1, k2, p1, p2, k3, k4, s1, s2])
+        }
+    };
+    let focal = if both { vec![f, f] } else { vec![f] };
+    (name, id, [&focal[..], &c.to_array(), &rest].concat())
 }
 
-fn words(values: &[f64]) -> String {
+pub(crate) fn words(values: &[f64]) -> String {
     values.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
 }
 
-fn rows(m: DMat3) -> [[f64; 3]; 3] {
+pub(crate) fn rows(m: DMat3) -> [[f64; 3]; 3] {
     m.transpose().to_cols_array_2d()
 }
 
-fn written(path: PathBuf, text: &str) -> PathBuf {
+pub(crate) fn written(path: PathBuf, text: &str) -> PathBuf {
     fs::write(&path, text).unwrap();
     path
 }
@@ -44,7 +56,8 @@ fn written(path: PathBuf, text: &str) -> PathBuf {
 pub(crate) fn colmap_text(rig: &Rig, folder: &Path) -> PathBuf {
     let (mut cameras, mut images, mut points) = (String::new(), String::new(), String::new());
     for (k, camera) in rig.cameras.iter().enumerate() {
-        writeln!(cameras, "{k} FULL_OPENCV {W} {H} {}", words(&full_opencv(camera))).unwrap();
+        let (model, _, params) = colmap_lens(camera);
+        writeln!(cameras, "{k} {model} {W} {H} {}", words(&params)).unwrap();
         let pose = [&quaternion(camera.rotation)[..], &camera.translation().to_array()].concat();
         writeln!(images, "{} {} {k} {}", 100 + k, words(&pose), camera.name).unwrap();
         write!(images, "1 1 -1").unwrap();
@@ -72,10 +85,11 @@ pub(crate) fn colmap_binary(rig: &Rig, folder: &Path) -> PathBuf {
     for (k, camera) in rig.cameras.iter().enumerate() {
         let id = u32::try_from(k).unwrap().to_le_bytes();
         cameras.extend(id);
-        cameras.extend(6_i32.to_le_bytes());
+        let (_, model, params) = colmap_lens(camera);
+        cameras.extend(model.to_le_bytes());
         cameras.extend(u64::from(SIZE.width).to_le_bytes());
         cameras.extend(u64::from(SIZE.height).to_le_bytes());
-        cameras.extend(floats(&full_opencv(camera)));
+        cameras.extend(floats(&params));
         images.extend(id);
         images.extend(floats(&quaternion(camera.rotation)));
         images.extend(floats(&camera.translation().to_array()));
@@ -145,6 +159,7 @@ pub(crate) fn opensfm(rig: &Rig, folder: &Path) -> PathBuf {
                 set(&mut entry, "brown", &["k1", "k2", "k3", "p1", "p2"], &[k1, k2, k3, p1, p2]);
             }
             Bend::Fisheye(k) => set(&mut entry, "fisheye_opencv", &["k1", "k2", "k3", "k4"], &k),
+            other => panic!("OpenSfM has no {other:?}"),
         }
         cameras[&id] = entry;
         let turn = DQuat::from_mat3(&camera.rotation).to_scaled_axis();
@@ -178,6 +193,7 @@ pub(crate) fn openmvg(rig: &Rig, folder: &Path) -> PathBuf {
         match camera.bend {
             Bend::Brown(k, p) => data["disto_t2"] = json!([&k[..], &p].concat()),
             Bend::Fisheye(k) => data["fisheye"] = json!(k),
+            other => panic!("OpenMVG has no {other:?}"),
         }
         intrinsics.push(json!({"key": k, "value": {"polymorphic_id": 2_147_483_649_u32,
             "polymorphic_name": "pinhole_brown_t2", "ptr_wrapper": {"id": 1, "data": data}}}));
@@ -229,6 +245,7 @@ fn alicevision_of(rig: &Rig, folder: &Path, age: Age) -> PathBuf {
         let (kind, params) = match camera.bend {
             Bend::Brown(k, p) => ("brown", [&k[..], &p].concat()),
             Bend::Fisheye(k) => ("fisheye4", k.to_vec()),
+            other => panic!("AliceVision has no {other:?}"),
         };
         let mut entry = json!({"intrinsicId": id, "width": width, "height": height,
             "serialNumber": "1", "initializationMode": "estimated", "type": kind,

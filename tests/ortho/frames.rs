@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::job;
 use glam::{DMat3, DVec2, DVec3};
-use groundel::camera::{CameraSet, LensModel, PhotoId};
+use groundel::camera::{CameraSet, LensModel, Photo, PhotoId};
 use groundel::frame::{CentralView, Cylinder, Facing, Mosaic, Orientation};
 use groundel::geom::Size;
 use groundel::image::Samples;
@@ -15,8 +15,6 @@ use groundel::synthetic::{CameraSpec, Placement, Sampling, Shot, TestScene};
 const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 /// Memory for one renderer: small, so that blocks are cut.
 const BLOCK_BYTES: u64 = 8 << 20;
-/// Side of a cylinder's pixel, metres.
-const PIXEL: f64 = 0.02;
 /// Rounding of the two ways of computing an elevation, metres.
 const ROOM: f64 = 1e-9;
 
@@ -201,6 +199,78 @@ fn judge(
     found
 }
 
+/// Whether a photo sees a point, by brute force; `slack` makes every test that much easier (or harder, if negative).
+fn sees(
+    faces: &[[DVec3; 3]],
+    photo: &Photo,
+    (point, face): (DVec3, usize),
+    eps: f64,
+    slack: f64,
+) -> bool {
+    let q = photo.pose.camera_from_ground(point);
+    let at = (q.z > 0.0).then(|| photo.lens.photo_from_ray(q.truncate() / q.z)).flatten();
+    let size = photo.lens.size();
+    let far = DVec2::new(f64::from(size.width), f64::from(size.height));
+    let inside =
+        |at: DVec2| (at + slack).min_element() >= 0.0 && (far - at + slack).min_element() > 0.0;
+    if !at.is_some_and(inside) {
+        return false;
+    }
+    let (centre, way) = (photo.pose.centre_ground, point - photo.pose.centre_ground);
+    let limit = way.length() - eps - slack;
+    // A face is an obstacle if the line passes it farther inside than the slack.
+    let cuts = |(k, [a, b, c]): (usize, &[DVec3; 3])| {
+        let (ab, ac) = (*b - *a, *c - *a);
+        let p = way.cross(ac);
+        let (det, s) = (ab.dot(p), centre - *a);
+        let q = s.cross(ab);
+        let (u, v, t) = (s.dot(p) / det, way.dot(q) / det, ac.dot(q) / det);
+        let inside = u >= slack && v >= slack && u + v <= 1.0 - slack;
+        k != face && det.abs() > 1e-14 && inside && t > 0.0 && t * way.length() < limit
+    };
+    !faces.iter().enumerate().any(cuts)
+}
+
+/// Decisions of visibility asked, and those that are wrong. Every third pixel of every third row is asked.
+fn visibility(
+    test: &TestScene,
+    tile: &OrthoTile,
+    line: impl Fn(DVec2) -> Line,
+    farthest: bool,
+    eps: impl Fn(f64) -> f64,
+) -> [u64; 2] {
+    let (width, height) = (tile.rect.width(), tile.rect.height());
+    let cameras = test.photos().unwrap();
+    let [mut decisions, mut wrong] = [0, 0];
+    for (x, y) in (0..height).step_by(3).flat_map(|y| (0..width).step_by(3).map(move |x| (x, y))) {
+        let (origin, direction) = line(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+        let face = tile.face.data()[y * width + x] as usize;
+        let hits = meets(&test.triangles, (origin, direction));
+        let Some(&(t, _)) = hits.iter().find(|hit| hit.1 == face) else { continue };
+        let point = origin + direction * t;
+        let [a, b, c] = test.triangles[face];
+        let normal = (b - a).cross(c - a);
+        let viewer = if farthest { direction } else { -direction };
+        let [mut least, mut most] = [0, 0];
+        for photo in &cameras.photos {
+            let side = normal.dot(photo.pose.centre_ground - a) * normal.dot(viewer);
+            let sees =
+                |slack| side > 0.0 && sees(&test.triangles, photo, (point, face), eps(t), slack);
+            least += u64::from(sees(-1e-7));
+            most += u64::from(sees(1e-7));
+        }
+        let count = u64::from(tile.count.data()[y * width + x]);
+        decisions += cameras.photos.len() as u64;
+        wrong += least.saturating_sub(count) + count.saturating_sub(most);
+    }
+    [decisions, wrong]
+}
+
+/// At most one decision in ten thousand is wrong.
+fn assert_sights([decisions, wrong]: [u64; 2]) {
+    assert!(decisions > 10_000 && wrong * 10_000 <= decisions, "{wrong} of {decisions}");
+}
+
 fn assert_right(found: &Judgement) {
     assert_eq!(found.wrong, 0, "{found:?}");
     let (psnr, shifted) = (Judgement::psnr_db(found.error), Judgement::psnr_db(found.shifted));
@@ -209,8 +279,18 @@ fn assert_right(found: &Judgement) {
 
 /// The development of the tower, all around.
 fn development(facing: Facing, zero_turn: f64) -> Judgement {
+    let shots = if facing == Facing::Outside { from_outside } else { from_inside };
+    development_of(&test_scene(shots), facing, zero_turn, -PI).0
+}
+
+/// The development of a full turn from the angle `start` on, and its tile.
+fn development_of(
+    test: &TestScene,
+    facing: Facing,
+    zero_turn: f64,
+    start: f64,
+) -> (Judgement, OrthoTile) {
     let outside = facing == Facing::Outside;
-    let test = test_scene(if outside { from_outside } else { from_inside });
     let p = test.placement;
     let axis = p.direction(DVec3::Y).normalize();
     let (z, x) = (p.direction(DVec3::Z).normalize(), p.direction(DVec3::X).normalize());
@@ -225,20 +305,24 @@ fn development(facing: Facing, zero_turn: f64) -> Judgement {
         zero,
         radius,
         facing,
-        pixel_size: Some(PIXEL),
+        pixel_size: None,
         extent: None,
         elevation: None,
     };
-    let extent = [-PI * radius, -0.66, PI * radius, 0.66];
-    let mosaic = Mosaic::new(cylinder, PIXEL, extent, ALL).unwrap();
-    let tile = render(&test, &mosaic, Tolerance::Fixed(0.02 * PIXEL));
+    // A whole number of pixels a turn.
+    let pixel = 2.0 * PI * radius / 324.0;
+    let extent = [start * radius, -0.66, (start + 2.0 * PI) * radius, 0.66];
+    let mosaic = Mosaic::new(cylinder, pixel, extent, ALL).unwrap();
+    let tolerance = 0.02 * pixel;
+    let tile = render(test, &mosaic, Tolerance::Fixed(tolerance));
     let line = |at: DVec2| {
-        let angle = sense * (extent[0] + at.x * PIXEL) / radius;
-        let v = extent[3] - at.y * PIXEL;
+        let angle = sense * (extent[0] + at.x * pixel) / radius;
+        let v = extent[3] - at.y * pixel;
         (origin + axis * v, zero * angle.cos() + across * angle.sin())
     };
     let elevation = |t: f64| sense * (t - radius);
-    judge(&test, &tile, line, elevation, outside, |_| 1e-3 * PIXEL)
+    assert_sights(visibility(test, &tile, line, outside, |_| tolerance));
+    (judge(test, &tile, line, elevation, outside, |_| 1e-3 * pixel), tile)
 }
 
 #[test]
@@ -272,7 +356,90 @@ fn a_perspective_view_through_a_distorting_lens_is_what_the_lens_would_see() {
         let ray = lens.ray_from_photo(at).unwrap();
         (pose.centre_ground, back * ray.extend(1.0))
     };
+    assert_sights(visibility(&test, &tile, line, false, |depth| part * depth));
     let found = judge(&test, &tile, line, |t| t, false, |depth| 1e-3 * depth / 210.0);
     assert_right(&found);
+    assert!(f64::from(found.seen) > 0.4 * f64::from(found.pixels), "{found:?}");
+}
+
+#[test]
+fn a_full_turn_closes_and_its_seam_leaves_no_mark() {
+    for (facing, shots) in [
+        (Facing::Outside, from_outside as fn(&Placement) -> Vec<Shot>),
+        (Facing::Inside, from_inside),
+    ] {
+        let test = test_scene(shots);
+        // The seam at ± half a turn, and a quarter of a turn beside it.
+        let (_, tile) = development_of(&test, facing, 0.3, -PI);
+        let (_, turned) = development_of(&test, facing, 0.3, -0.5 * PI);
+        let (width, height) = (tile.rect.width(), tile.rect.height());
+        assert_eq!((width, turned.rect.width()), (324, 324));
+        let mut other_faces = 0;
+        for k in 0..width * height {
+            let (x, y) = (k % width, k / width);
+            let same = y * width + (x + width - 81) % width;
+            if tile.face.data()[k] == turned.face.data()[same] {
+                let off = tile.elevation.data()[k] - turned.elevation.data()[same];
+                assert!(off.abs() < 1e-6 || off.is_nan(), "{x}, {y}: {off} m");
+            } else {
+                other_faces += 1;
+            }
+        }
+        // Lines through edges, which rounding decides.
+        assert!(other_faces * 1000 < width * height, "{other_faces}");
+    }
+}
+
+/// A fisheye of 200 × 200 pixels that shows 78° at its sides, 85° in its corners.
+fn fisheye() -> CameraSpec {
+    let params = vec![75.0, 74.0, 101.0, 98.5, -0.01, 0.002, 0.0, 0.0];
+    CameraSpec { model: LensModel::OpenCvFisheye, size: Size::new(200, 200), params }
+}
+
+fn fisheyes_inside(placement: &Placement) -> Vec<Shot> {
+    let shot = |(name, angle, y): (String, f64, f64)| {
+        let towards = DVec3::new(angle.sin(), 0.0, angle.cos());
+        // Beside the axis, and askew: much of the drum lies more than 60° from the lens's axis.
+        let ends = [towards * -0.2 + DVec3::Y * y, towards + DVec3::new(0.2, 0.7 * y, 0.1)];
+        Shot::towards(&name, &fisheye(), placement, ends, 0.4)
+    };
+    around(6).map(shot).collect()
+}
+
+#[test]
+fn fisheyes_agree_with_brute_force_far_from_their_axes() {
+    let test = test_scene(fisheyes_inside);
+    let angle = |photo: &Photo, p: DVec3| photo.pose.camera_from_ground(p).angle_between(DVec3::Z);
+    let cameras = test.photos().unwrap();
+    let corners = || test.triangles.iter().flatten();
+    let far = cameras.photos.iter().flat_map(|p| corners().map(move |&c| angle(p, c)));
+    assert!(far.filter(|a| (1.1..1.45).contains(a)).count() > 500);
+    let (found, _) = development_of(&test, Facing::Inside, 0.3, -PI);
+    assert_eq!(found.wrong, 0, "{found:?}");
+    assert!(f64::from(found.seen) > 0.85 * f64::from(found.pixels), "{found:?}");
+    assert!(Judgement::psnr_db(found.error) > 24.0, "{found:?}");
+}
+
+#[test]
+fn a_perspective_view_through_a_fisheye_is_what_it_would_see() {
+    let test = test_scene(from_inside);
+    let ends = [DVec3::new(0.1, 0.1, -0.2), DVec3::new(0.2, 0.0, 1.0)];
+    let shot = Shot::towards("own.png", &fisheye(), &test.placement, ends, 0.1);
+    let photo = shot.photo(PhotoId(99)).unwrap();
+    let (lens, pose) = (photo.lens, photo.pose);
+    let stated = Orientation::OfPhoto { name: "own.png".into(), distorted: true };
+    let mosaic = Mosaic::perspective(CentralView { stated, lens, pose }, ALL).unwrap();
+    let part = 0.02 / 75.0;
+    let tile = render(&test, &mosaic, Tolerance::OfDepth(part));
+    let back: DMat3 = pose.rotation.transpose();
+    let line = |at: DVec2| {
+        // Beyond the lens's end there is no line: one that meets nothing.
+        let away = DVec3::splat(1e9);
+        let ray = lens.ray_from_photo(at);
+        ray.map_or((away, away), |ray| (pose.centre_ground, back * ray.extend(1.0)))
+    };
+    assert_sights(visibility(&test, &tile, line, false, |depth| part * depth));
+    let found = judge(&test, &tile, line, |t| t, false, |depth| 1e-3 * depth / 75.0);
+    assert_eq!(found.wrong, 0, "{found:?}");
     assert!(f64::from(found.seen) > 0.4 * f64::from(found.pixels), "{found:?}");
 }

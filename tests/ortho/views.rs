@@ -25,8 +25,8 @@ impl Project {
         self.folder.path().join(name)
     }
 
-    /// Renders `name`.tif.
-    fn ortho(&self, name: &str, flags: &[&str]) {
+    /// Renders `name`.tif and gives what is said.
+    fn ortho(&self, name: &str, flags: &[&str]) -> String {
         let output = self.groundel(
             "ortho",
             &[
@@ -44,7 +44,9 @@ impl Project {
                 flags,
             ],
         );
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        said
     }
 
     fn groundel(&self, command: &str, args: &[&[&str]]) -> Output {
@@ -141,7 +143,14 @@ fn pixels_and_ground_points_are_told_by_the_frames_own_definition() {
 #[test]
 fn the_facade_is_found_by_what_the_photos_look_at() {
     let project = Project::new(scenes::columns());
-    project.ortho("fit", &["--view", "fit", "--up", "0,1,0", "--pixel-size", "0.02"]);
+    let said = project.ortho("fit", &["--view", "fit", "--up", "0,1,0", "--pixel-size", "0.02"]);
+    assert!(said.contains("--view fit chose the plane with origin = ["), "{said}");
+    assert!(!said.contains("upside down"), "{said}");
+    let said = project.ortho("down", &["--view", "fit", "--up", "0,-1,0", "--pixel-size", "0.02"]);
+    assert!(
+        said.contains("photos stand upside down in this view: is [0.0, 1.0, 0.0] up"),
+        "{said}"
+    );
     let frame = project.path("fit.frame.toml");
     let [u, v] = ["u_axis", "v_axis"].map(|k| DVec3::from_slice(&key(&frame, k)));
     assert!(u.x > 0.9999 && v == DVec3::Y, "{u} {v}");
@@ -180,6 +189,16 @@ fn a_development_has_its_own_coordinates_and_the_other_frames_keys_are_refused()
     // The wall is about 2.4 m wide and 1.8 m high.
     assert!((2.2..2.8).contains(&(extent[2] - extent[0])), "{extent:?}");
     assert!((1.7..2.1).contains(&(extent[3] - extent[1])), "{extent:?}");
+    // With u = 0 behind the axis the wall lies across the seam at ± half a turn: the arc is the same.
+    fs::write(project.path("seam.toml"), cylinder.replace("[0, 0, -1]", "[0, 0, 1]")).unwrap();
+    project.ortho("seam", &["--frame", "seam.toml", "--pixel-size", "0.02"]);
+    let seam = key(&project.path("seam.frame.toml"), "extent");
+    let half_turn = std::f64::consts::PI * 20.7;
+    assert!(
+        seam[0] < half_turn && half_turn < seam[2] || seam[0] < -half_turn && -half_turn < seam[2],
+        "{seam:?}"
+    );
+    assert!((seam[2] - seam[0] - (extent[2] - extent[0])).abs() < 0.021, "{seam:?} {extent:?}");
     let at = ["inside.tif", "--pixel", "60.5,50.5"];
     let found = numbers(&project.answer("locate", &at));
     let ground = DVec3::from_slice(&found[2..5]);

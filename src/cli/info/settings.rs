@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::frame::{FrameSpec, Plane};
-use crate::input::{Project, read_frame};
+use crate::input::{Project, Shift, read_frame};
 use crate::{Error, Result};
 
 /// The frame, or the inputs, outputs and frame of a project.
@@ -23,7 +23,10 @@ pub(super) fn describe(path: &Path) -> Result<String> {
         let project = Project::read(path)?;
         lines.push(format!("{}: project file", path.display()));
         lines.extend(project.mesh.iter().map(|mesh| format!("mesh: {}", mesh.display())));
-        lines.extend(project.shift.map(|shift| format!("shift: {shift:?} m")));
+        lines.extend(project.shift.map(|shift| match shift {
+            Shift::Stated(metres) => format!("shift: {metres:?} m"),
+            Shift::OfOdm(path) => format!("shift: that in {}", path.display()),
+        }));
         let paths =
             [("cameras", &project.cameras), ("photos", &project.photos), ("out", &project.out)];
         let named = |(key, path): (&str, &Option<std::path::PathBuf>)| {

@@ -45,6 +45,15 @@ fn fitted(fit: &Fit, mesh: &MeshStore, photos: &[Photo]) -> Result<Plane> {
     console::note(&format!(
         "groundel: --view fit chose the plane with origin = {origin:?}, u_axis = {u:?}, v_axis = {v:?}"
     ));
+    let is_upside_down = |p: &&Photo| p.pose.rotation.row(1).dot(plane.v) > 0.0;
+    let upside_down = photos.iter().filter(is_upside_down).count();
+    if 2 * upside_down > photos.len() {
+        let other = v.map(|v| 0.0 - v);
+        console::note(&format!(
+            "warning: {upside_down} of {} photos stand upside down in this view: is {other:?} up (--up)?",
+            photos.len()
+        ));
+    }
     let &Fit { pixel_size, extent, elevation, .. } = fit;
     Ok(Plane { pixel_size, extent, elevation, ..plane })
 }

@@ -41,7 +41,10 @@ pub fn read_cameras(path: impl AsRef<Path>, options: &CameraOptions) -> Result<C
         Some(format) => format,
         None => format_of(path)?,
     };
-    let draft = read(path, format, options)?;
+    let mut draft = read(path, format, options)?;
+    if let (CameraFormat::OpenSfm, Some(offset)) = (format, options.odm_offset) {
+        draft.shift(offset);
+    }
     let proof = Proof::of(&draft);
     if let Some(proof) = &proof
         && !options.force

@@ -48,6 +48,13 @@ pub(in crate::input) struct Draft {
 }
 
 impl Draft {
+    /// Moves cameras and tie points by an offset, metres.
+    pub(in crate::input) fn shift(&mut self, offset: DVec3) {
+        let oriented = self.photos.iter_mut().filter_map(|photo| photo.orientation.as_mut().ok());
+        oriented.for_each(|(_, pose)| pose.centre_ground += offset);
+        self.ties.iter_mut().for_each(|tie| tie.point_ground += offset);
+    }
+
     /// The photos in the order of their names.
     ///
     /// # Errors

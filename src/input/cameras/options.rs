@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use glam::DVec3;
+
 /// A format of camera files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CameraFormat {
@@ -145,6 +147,8 @@ pub struct CameraOptions {
     pub image_list: Option<PathBuf>,
     /// Folder of the photos, for formats that do not state the photos' sizes or only whole paths.
     pub photos: Option<PathBuf>,
+    /// Added to the cameras of an OpenSfM reconstruction, which ODM reduces as it does its meshes, metres.
+    pub odm_offset: Option<DVec3>,
     /// Take cameras that contradict their own tie points.
     pub force: bool,
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 
+use super::markers;
 use super::sensor::sensor_lens;
 use crate::camera::{Lens, Pose};
 use crate::input::cameras::{CameraOptions, Draft, DraftPhoto, MAX_PHOTOS, pose, rotation_of_rows};
@@ -19,8 +20,6 @@ const SKIP: &[&str] = &[
     "location_covariance",
     "rolling_shutter",
     "partition",
-    "markers",
-    "frames",
     "region",
     "settings",
     "meta",
@@ -53,6 +52,7 @@ pub(in crate::input) fn read(path: &Path, options: &CameraOptions) -> Result<Dra
     let mut cameras = Vec::new();
     collect(chunk.needed_child("cameras")?, &mut cameras);
     let mut draft = Draft::default();
+    let mut numbers = BTreeMap::new();
     for camera in cameras {
         if draft.photos.len() == MAX_PHOTOS {
             let limit = MAX_PHOTOS as u64;
@@ -61,12 +61,16 @@ pub(in crate::input) fn read(path: &Path, options: &CameraOptions) -> Result<Dra
         }
         let label = camera.needed_attribute("label")?;
         let oriented = oriented(camera, &sensors, &frames)?;
+        if let Some(id) = camera.attribute("id") {
+            numbers.insert(id, draft.photos.len());
+        }
         let (name, orientation) = match labels.name_of(label) {
             Ok(name) => (name, oriented),
             Err(reason) => (label.to_owned(), oriented.and(Err(reason))),
         };
         draft.photos.push(DraftPhoto { name, place: camera.place(), orientation });
     }
+    draft.ties = markers::ties(chunk, &numbers)?;
     Ok(draft)
 }
 

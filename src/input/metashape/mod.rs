@@ -6,9 +6,11 @@
 //! leads from the camera to the chunk, the component's or the chunk's from there to the ground.
 //!
 //! Frame cameras and equidistant fisheyes are read. Cameras that are not aligned, disabled, of a rig or of another kind
-//! are left out with the reason. The file holds no tie points.
+//! are left out with the reason. The file holds no tie points but markers, if they are exported too: those with
+//! coordinates prove the cameras.
 
 mod document;
+mod markers;
 mod sensor;
 
 pub(super) use document::{is_metashape, read};
