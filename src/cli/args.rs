@@ -145,7 +145,7 @@ pub struct CameraArgs {
     /// Photo pixel of a plain table in millimetres, whose c, x0, y0 are in millimetres [default: in pixels]
     #[arg(long, value_name = "MM", help_heading = "Input", value_parser = values::positive)]
     pub pixel_pitch: Option<f64>,
-    /// Lens of a plain table: opencv, or classical with k1 in px⁻² (mm⁻²) [default: opencv]
+    /// Lens of a plain table: opencv; classical, with k1 in px⁻² (mm⁻²); corrections of measured positions, likewise [default: opencv]
     #[arg(long, value_name = "NAME", help_heading = "Input", value_parser = values::table_lens)]
     pub lens: Option<TableLens>,
     /// Bundler's list of images [default: list.txt beside the cameras]

@@ -177,7 +177,7 @@ pub(super) fn angle_unit(text: &str) -> Parsed<AngleUnit> {
 /// The word of a table's lens.
 pub(super) fn table_lens(text: &str) -> Parsed<TableLens> {
     TableLens::from_word(text)
-        .ok_or_else(|| format!("expected one of opencv, classical, found {text:?}"))
+        .ok_or_else(|| format!("expected one of opencv, classical, corrections, found {text:?}"))
 }
 
 /// `EPSG:n`, kept as a text of that form.

@@ -11,6 +11,7 @@ mod byte_reader;
 mod cameras;
 mod colmap;
 mod content;
+mod corrections;
 mod glob;
 mod gltf;
 mod json;

@@ -28,7 +28,7 @@ pub struct Project {
     pub angle_unit: Option<String>,
     /// Millimetres.
     pub pixel_pitch: Option<f64>,
-    /// `opencv` or `classical`.
+    /// `opencv`, `classical` or `corrections`.
     pub lens: Option<String>,
     /// Bundler's list of images.
     pub image_list: Option<PathBuf>,

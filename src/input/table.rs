@@ -18,6 +18,7 @@ use glam::{DMat3, DVec2, DVec3};
 use super::cameras::{
     CameraOptions, Draft, DraftPhoto, PhotoFolder, TableLens, lens, pose, rotation_of_rows,
 };
+use super::corrections::{Corrections, inverse};
 use crate::camera::{LensModel, Pose};
 use crate::geom::Size;
 use crate::{Error, Result};
@@ -134,18 +135,26 @@ impl Reader<'_> {
             Ok(size) => size,
             Err(reason) => return Ok(Err(reason)),
         };
-        let params = self.params(size, inner);
-        let lens = lens((self.path, place), LensModel::FullOpenCv, size, &params)?;
+        let (model, params) = match self.params(size, inner) {
+            Ok(found) => found,
+            Err(reason) => return Ok(Err(reason)),
+        };
+        let lens = lens((self.path, place), model, size, &params)?;
         Ok(lens.map(|lens| (lens, pose)))
     }
 
-    /// The parameters of `FULL_OPENCV`, without a denominator.
-    fn params(&self, size: Size, inner: &[f64]) -> [f64; 12] {
-        let &[c, x0, y0, k1, k2, k3, p1, p2] = inner else { return [f64::NAN; 12] };
+    /// The model, `FULL_OPENCV` without a denominator but for corrections, and its parameters; else why the photo is left
+    /// out.
+    fn params(
+        &self,
+        size: Size,
+        inner: &[f64],
+    ) -> std::result::Result<(LensModel, Vec<f64>), String> {
+        let &[c, x0, y0, k1, k2, k3, p1, p2] = inner else { return Err("no lens".into()) };
         let scale = match self.options.lens {
             TableLens::OpenCv => 1.0,
             // Positions in units of c are c times as great as those divided by it.
-            TableLens::Classical => c,
+            TableLens::Classical | TableLens::Corrections => c,
         };
         let square = scale * scale;
         let pixel = self.options.pixel_pitch_mm.unwrap_or(1.0);
@@ -154,7 +163,18 @@ impl Reader<'_> {
         let focal = c / pixel;
         let [k1, k2, k3] = [k1 * square, k2 * square * square, k3 * square * square * square];
         let [p1, p2] = [p1 * scale, p2 * scale];
-        [focal, focal, principal.x, principal.y, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
+        let mut params = vec![focal, focal, principal.x, principal.y];
+        if self.options.lens == TableLens::Corrections && focal > 0.0 {
+            let corrections = Corrections { k: [k1, k2, k3], p: [p1, p2] };
+            let [k1, k2, k3, k4, p1, p2] =
+                inverse(&corrections, size, principal, focal).map_err(|off| {
+                    format!("the lens nearest to its corrections is off by {off:.3} pixel")
+                })?;
+            params.extend([0.0, k1, k2, k3, k4, p1, p2]);
+            return Ok((LensModel::Brown, params));
+        }
+        params.extend([k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]);
+        Ok((LensModel::FullOpenCv, params))
     }
 }
 

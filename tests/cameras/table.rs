@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use groundel::geom::Bounds3;
 use groundel::input::{AngleUnit, CameraFormat, CameraOptions, MeshProof, TableLens, read_cameras};
 
@@ -72,6 +72,66 @@ fn a_table_is_read_to_a_hundredth_of_a_pixel_in_every_unit() {
                 assert!(error < 0.01, "{angle_unit:?} {pitch:?} {lens:?}: {error} px");
             }
         }
+    }
+}
+
+/// Where a measured position from the principal point, pixels, y up, is put by corrections in units of pixels.
+fn corrected(k: [f64; 3], [p1, p2]: [f64; 2], DVec2 { x, y }: DVec2) -> DVec2 {
+    let s = x * x + y * y;
+    let g = 1.0 + k[0] * s + k[1] * s * s + k[2] * s * s * s;
+    DVec2::new(
+        x * g + p1 * (s + 2.0 * x * x) + 2.0 * p2 * x * y,
+        y * g + p2 * (s + 2.0 * y * y) + 2.0 * p1 * x * y,
+    )
+}
+
+#[test]
+fn corrections_of_measured_positions_are_undone_to_a_hundredth_of_a_pixel() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::brown();
+    rig.write_photos(&folder.path().join("photos"));
+    let (k, p) = ([3.1e-7, -2.0e-13, 1.0e-19], [1.0e-7, -1.5e-7]);
+    for pitch in [None, Some(0.0045)] {
+        let pixel = 1.0 / pitch.unwrap_or(1.0);
+        let mut text = HEADER.to_owned();
+        for camera in &rig.cameras {
+            let inner = [
+                camera.focal / pixel,
+                (camera.principal.x - 320.0) / pixel,
+                (240.0 - camera.principal.y) / pixel,
+                k[0] * pixel.powi(2),
+                k[1] * pixel.powi(4),
+                k[2] * pixel.powi(6),
+                p[0] * pixel,
+                p[1] * pixel,
+            ];
+            let values = [&camera.centre.to_array()[..], &angles(camera), &inner].concat();
+            let numbers: Vec<_> = values.iter().map(f64::to_string).collect();
+            writeln!(text, "{},{}", camera.name, numbers.join(",")).unwrap();
+        }
+        let path = folder.path().join("cameras.csv");
+        std::fs::write(&path, text).unwrap();
+        let options = CameraOptions {
+            angle_unit: Some(AngleUnit::Radians),
+            pixel_pitch_mm: pitch,
+            lens: TableLens::Corrections,
+            ..writers::options(folder.path())
+        };
+        let set = read_cameras(&path, &options).unwrap().set;
+        assert_eq!(set.photos.len(), 6, "{:?}", set.left_out);
+        let mut bent = 0.0_f64;
+        for camera in &rig.cameras {
+            let photo = set.find(&camera.name).unwrap();
+            for at in (0..=12).map(|i| DVec2::new(53.3 * f64::from(i), 40.0 * f64::from(12 - i))) {
+                let up = DVec2::new(at.x - camera.principal.x, camera.principal.y - at.y);
+                let truth = corrected(k, p, up);
+                let ray = DVec2::new(truth.x, -truth.y) / camera.focal;
+                let seen = photo.lens.photo_from_ray(ray).unwrap();
+                assert!((seen - at).length() < 0.01, "{seen} instead of {at}");
+                bent = bent.max((truth - up).length());
+            }
+        }
+        assert!(bent > 10.0, "{bent} px of distortion");
     }
 }
 

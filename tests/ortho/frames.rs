@@ -15,6 +15,10 @@ use groundel::synthetic::{CameraSpec, Placement, Sampling, Shot, TestScene};
 const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 /// Memory for one renderer: small, so that blocks are cut.
 const BLOCK_BYTES: u64 = 8 << 20;
+/// Radius of the cylinders, metres.
+const RADIUS: f64 = 1.03;
+/// Side of a cylinder's pixel, metres: a whole number of them make a turn.
+const PIXEL: f64 = 2.0 * PI * RADIUS / 324.0;
 /// Rounding of the two ways of computing an elevation, metres.
 const ROOM: f64 = 1e-9;
 
@@ -277,64 +281,56 @@ fn assert_right(found: &Judgement) {
     assert!(psnr > 33.0 && psnr > shifted + 3.0, "{psnr} dB, {shifted} dB shifted: {found:?}");
 }
 
-/// The development of the tower, all around.
-fn development(facing: Facing, zero_turn: f64) -> Judgement {
-    let shots = if facing == Facing::Outside { from_outside } else { from_inside };
-    development_of(&test_scene(shots), facing, zero_turn, -PI).0
-}
-
-/// The development of a full turn from the angle `start` on, and its tile.
-fn development_of(
+/// A full turn about the tower's axis from the angle `start` on: the cylinder, the extent, and what is drawn.
+fn turn(
     test: &TestScene,
     facing: Facing,
     zero_turn: f64,
     start: f64,
-) -> (Judgement, OrthoTile) {
-    let outside = facing == Facing::Outside;
+) -> (Cylinder, [f64; 4], OrthoTile) {
     let p = test.placement;
-    let axis = p.direction(DVec3::Y).normalize();
     let (z, x) = (p.direction(DVec3::Z).normalize(), p.direction(DVec3::X).normalize());
-    let zero = z * zero_turn.cos() + x * zero_turn.sin();
-    let across = axis.cross(zero);
-    let origin = p.ground_from_scene(DVec3::ZERO);
-    let radius = 1.03;
-    let sense = if outside { 1.0 } else { -1.0 };
     let cylinder = Cylinder {
-        origin,
-        axis,
-        zero,
-        radius,
+        origin: p.ground_from_scene(DVec3::ZERO),
+        axis: p.direction(DVec3::Y).normalize(),
+        zero: z * zero_turn.cos() + x * zero_turn.sin(),
+        radius: RADIUS,
         facing,
         pixel_size: None,
         extent: None,
         elevation: None,
     };
-    // A whole number of pixels a turn.
-    let pixel = 2.0 * PI * radius / 324.0;
-    let extent = [start * radius, -0.66, (start + 2.0 * PI) * radius, 0.66];
-    let mosaic = Mosaic::new(cylinder, pixel, extent, ALL).unwrap();
-    let tolerance = 0.02 * pixel;
-    let tile = render(test, &mosaic, Tolerance::Fixed(tolerance));
+    let extent = [start * RADIUS, -0.66, (start + 2.0 * PI) * RADIUS, 0.66];
+    let mosaic = Mosaic::new(cylinder.clone(), PIXEL, extent, ALL).unwrap();
+    (cylinder, extent, render(test, &mosaic, Tolerance::Fixed(0.02 * PIXEL)))
+}
+
+/// The development of the tower, all around; its visibility is right.
+fn development(test: &TestScene, facing: Facing, zero_turn: f64) -> Judgement {
+    let (Cylinder { origin, axis, zero, .. }, extent, tile) = turn(test, facing, zero_turn, -PI);
+    let across = axis.cross(zero);
+    let outside = facing == Facing::Outside;
+    let sense = if outside { 1.0 } else { -1.0 };
     let line = |at: DVec2| {
-        let angle = sense * (extent[0] + at.x * pixel) / radius;
-        let v = extent[3] - at.y * pixel;
+        let angle = sense * (extent[0] + at.x * PIXEL) / RADIUS;
+        let v = extent[3] - at.y * PIXEL;
         (origin + axis * v, zero * angle.cos() + across * angle.sin())
     };
-    let elevation = |t: f64| sense * (t - radius);
-    assert_sights(visibility(test, &tile, line, outside, |_| tolerance));
-    (judge(test, &tile, line, elevation, outside, |_| 1e-3 * pixel), tile)
+    let elevation = |t: f64| sense * (t - RADIUS);
+    assert_sights(visibility(test, &tile, line, outside, |_| 0.02 * PIXEL));
+    judge(test, &tile, line, elevation, outside, |_| 1e-3 * PIXEL)
 }
 
 #[test]
 fn a_tower_is_developed_from_outside() {
-    let found = development(Facing::Outside, 0.3);
+    let found = development(&test_scene(from_outside), Facing::Outside, 0.3);
     assert_right(&found);
     assert!(f64::from(found.seen) > 0.85 * f64::from(found.pixels), "{found:?}");
 }
 
 #[test]
 fn a_drum_is_developed_from_inside_and_is_not_mirrored() {
-    let found = development(Facing::Inside, 2.9);
+    let found = development(&test_scene(from_inside), Facing::Inside, 2.9);
     assert_right(&found);
     assert!(f64::from(found.seen) > 0.85 * f64::from(found.pixels), "{found:?}");
 }
@@ -370,8 +366,8 @@ fn a_full_turn_closes_and_its_seam_leaves_no_mark() {
     ] {
         let test = test_scene(shots);
         // The seam at ± half a turn, and a quarter of a turn beside it.
-        let (_, tile) = development_of(&test, facing, 0.3, -PI);
-        let (_, turned) = development_of(&test, facing, 0.3, -0.5 * PI);
+        let (_, _, tile) = turn(&test, facing, 0.3, -PI);
+        let (_, _, turned) = turn(&test, facing, 0.3, -0.5 * PI);
         let (width, height) = (tile.rect.width(), tile.rect.height());
         assert_eq!((width, turned.rect.width()), (324, 324));
         let mut other_faces = 0;
@@ -414,7 +410,7 @@ fn fisheyes_agree_with_brute_force_far_from_their_axes() {
     let corners = || test.triangles.iter().flatten();
     let far = cameras.photos.iter().flat_map(|p| corners().map(move |&c| angle(p, c)));
     assert!(far.filter(|a| (1.1..1.45).contains(a)).count() > 500);
-    let (found, _) = development_of(&test, Facing::Inside, 0.3, -PI);
+    let found = development(&test, Facing::Inside, 0.3);
     assert_eq!(found.wrong, 0, "{found:?}");
     assert!(f64::from(found.seen) > 0.85 * f64::from(found.pixels), "{found:?}");
     assert!(Judgement::psnr_db(found.error) > 24.0, "{found:?}");

@@ -115,12 +115,19 @@ pub enum TableLens {
     /// `x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)`, `x` and `y` from the principal point, y down,
     /// without distortion, `x'` with it.
     Classical,
+    /// Corrections of measured positions, as certificates of calibration state them, in the unit of `c` too, `y` up:
+    /// `x = x' (1 + k1 r'² + k2 r'⁴ + k3 r'⁶) + p1 (r'² + 2 x'²) + 2 p2 x' y'`,
+    /// `y = y' (1 + k1 r'² + k2 r'⁴ + k3 r'⁶) + p2 (r'² + 2 y'²) + 2 p1 x' y'`, `x'` and `y'` measured from the
+    /// principal point. The lens that distorts so is found to a hundredth of a pixel; where none is, photos are left out.
+    Corrections,
 }
 
 impl TableLens {
-    /// The convention chosen by `word`: `opencv` or `classical`.
+    /// The convention chosen by `word`: `opencv`, `classical` or `corrections`.
     pub fn from_word(word: &str) -> Option<Self> {
-        [Self::OpenCv, Self::Classical].into_iter().find(|lens| lens.word() == word)
+        [Self::OpenCv, Self::Classical, Self::Corrections]
+            .into_iter()
+            .find(|lens| lens.word() == word)
     }
 
     /// The word that chooses it.
@@ -128,6 +135,7 @@ impl TableLens {
         match self {
             Self::OpenCv => "opencv",
             Self::Classical => "classical",
+            Self::Corrections => "corrections",
         }
     }
 }
