@@ -31,7 +31,11 @@ const WORK_FOLDER: &str = ".groundel";
 pub struct Config {
     /// The mesh files; face ids run on in this order.
     pub meshes: Vec<PathBuf>,
-    /// Added to every vertex of every mesh, metres.
+    /// The point clouds, whose triangles' ids run on behind those of the meshes.
+    pub points: Vec<PathBuf>,
+    /// Longest edge of a triangle of points, metres in the plane; `None`: by their spacing.
+    pub max_edge_m: Option<f64>,
+    /// Added to every vertex of every mesh and to every point, metres.
     pub shift: [f64; 3],
     /// The camera set.
     pub cameras: PathBuf,
@@ -107,15 +111,16 @@ impl Config {
 
     fn of_merged(args: OrthoArgs, frame: Option<FrameSpec>) -> Result<Self> {
         let out = job::check_name(needed(args.out.clone(), "out")?)?;
-        if args.mesh.is_empty() {
-            return Err(missing("mesh"));
-        }
+        check_surface(&args)?;
+        let frame = frame_choice::frame(&args, frame)?;
         Ok(Self {
             cameras: needed(args.cameras.clone(), "cameras")?,
             camera_options: args.camera.options(args.photos.clone(), args.force),
             photos: needed(args.photos.clone(), "photos")?,
-            frame: frame_choice::frame(&args, frame)?,
+            frame,
             meshes: args.mesh,
+            points: args.points,
+            max_edge_m: args.max_edge,
             // `+ 0.0` turns −0 into 0.
             shift: args.shift.unwrap_or_default().map(|metres| metres + 0.0),
             choice: PhotoChoice { include: args.include, exclude: args.exclude },
@@ -154,6 +159,7 @@ impl Config {
     pub fn described(&self) -> Map<String, Value> {
         let layers: Vec<_> = self.layers.iter().map(|layer| layer.name()).collect();
         let settings = [
+            ("max_edge", json!(self.max_edge_m)),
             ("shift", json!(self.shift)),
             ("camera_format", json!(self.camera_options.format.map(CameraFormat::word))),
             ("angle_unit", json!(self.camera_options.angle_unit.map(AngleUnit::word))),
@@ -180,6 +186,17 @@ impl Config {
 /// The word by which a value is chosen.
 fn word(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|word| word.get_name().to_string()).unwrap_or_default()
+}
+
+/// A surface is given, as meshes or as points.
+fn check_surface(args: &OrthoArgs) -> Result<()> {
+    match (args.mesh.is_empty(), args.points.is_empty(), args.max_edge) {
+        (true, true, _) => Err(missing("mesh")),
+        (_, true, Some(_)) => {
+            Err(Error::usage("--max-edge goes with --points only (in a project file: `max_edge`)"))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn missing(key: &str) -> Error {

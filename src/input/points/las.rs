@@ -79,7 +79,10 @@ impl LasHeader {
         if !is_finite || reach > POINT_LIMIT_M || scale.abs().min_element() <= 0.0 {
             let expected =
                 format!("scales other than 0 and coordinates within {POINT_LIMIT_M:e} m");
-            return bad(expected, format!("scales {scale} and offsets {offset}"));
+            return bad(
+                expected,
+                format!("scales {:?} and offsets {:?}", scale.to_array(), offset.to_array()),
+            );
         }
         Ok(Self {
             decoding: Decoding { format: number, scale, offset },

@@ -158,7 +158,7 @@ impl TinBuild {
         }
         let place = format!("point {number} of those used, shifted");
         let expected = format!("coordinates within {POINT_LIMIT_M:e} m");
-        Err(Error::corrupt(source.path(), place, expected, format!("{ground}")))
+        Err(Error::corrupt(source.path(), place, expected, format!("{:?}", ground.to_array())))
     }
 
     /// Triangulates block after block, as many at once as there are threads and as fit; the triangles written.
