@@ -16,6 +16,7 @@ use laz::record::{
 use laz::{DecompressionSelection, LazItem, LazItemType, LazVlr};
 
 use super::super::byte_reader::ByteReader;
+use super::guard::guarded;
 use super::las::{LasHeader, u16_at, u32_at, u64_at};
 use crate::geom::{PointSource, PointStream};
 use crate::{Error, Result};
@@ -194,9 +195,10 @@ fn chunks(path: &Path, vlr: &LazVlr, header: &LasHeader) -> Result<Vec<Chunk>> {
         return Err(Error::Limit { what, limit: most, found: count });
     }
     file.seek(SeekFrom::Start(header.points_at)).map_err(io)?;
-    let table = match ChunkTable::read_from(&mut file, vlr) {
-        Ok(table) => table,
-        Err(e) => return bad("a table of chunks", e.to_string()),
+    let table = match guarded(|| ChunkTable::read_from(&mut file, vlr)) {
+        Some(Ok(table)) => table,
+        Some(Err(e)) => return bad("a table of chunks", e.to_string()),
+        None => return bad("a table of chunks", "bytes that do not decompress".into()),
     };
     // 3. Each within the file, together all points.
     let (mut at, mut left, mut all) = (first, header.points, Vec::new());
@@ -333,21 +335,30 @@ impl PointStream for LazPoints<'_> {
     fn next_points(&mut self, max: usize, out: &mut Vec<DVec3>) -> Result<()> {
         out.clear();
         while out.len() < max {
-            let Some((decompressor, left)) = self.open.as_mut().filter(|(_, left)| *left > 0)
+            let Some((mut decompressor, mut left)) = self.open.take().filter(|(_, left)| *left > 0)
             else {
                 if self.open_next()? {
                     continue;
                 }
                 break;
             };
-            if let Err(e) = decompressor.decompress_next(&mut self.record) {
-                return Err(self.bad_chunk(&e.to_string()));
-            }
-            *left -= 1;
-            self.done += 1;
-            match self.laz.header.decoding.point(&self.record) {
-                Some(point) => out.push(point),
-                None => self.passed_over += 1,
+            let decoding = self.laz.header.decoding;
+            let decoded = guarded(|| -> io::Result<()> {
+                while left > 0 && out.len() < max {
+                    decompressor.decompress_next(&mut self.record)?;
+                    left -= 1;
+                    self.done += 1;
+                    match decoding.point(&self.record) {
+                        Some(point) => out.push(point),
+                        None => self.passed_over += 1,
+                    }
+                }
+                Ok(())
+            });
+            match decoded {
+                Some(Ok(())) => self.open = Some((decompressor, left)),
+                Some(Err(e)) => return Err(self.bad_chunk(&e.to_string())),
+                None => return Err(self.bad_chunk("bytes that do not decompress")),
             }
         }
         Ok(())

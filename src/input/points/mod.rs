@@ -4,6 +4,7 @@
 //! and those of the noise classes 7 and 18, are passed over and counted. The header of LAS is read here, whole chunks of LAZ
 //! are decompressed by the crate `laz`; no length is believed that the file cannot hold.
 
+mod guard;
 mod las;
 mod laz;
 mod open;

@@ -100,3 +100,51 @@ impl PointStream for TextPoints<'_> {
         0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::input::reading::{gzip, with_file};
+
+    fn read(bytes: &[u8]) -> Result<Vec<DVec3>> {
+        with_file("a.txt", bytes, |path| {
+            let file = TextFile::open(path)?;
+            let (mut stream, mut chunk, mut all) = (file.points()?, Vec::new(), Vec::new());
+            loop {
+                stream.next_points(2, &mut chunk)?;
+                if chunk.is_empty() {
+                    return Ok(all);
+                }
+                all.append(&mut chunk);
+            }
+        })
+    }
+
+    #[test]
+    fn headers_counts_comments_and_further_columns_are_passed_over() {
+        let expected = [DVec3::new(1.0, 2.0, 3.5), DVec3::new(4.0, 5.0, -6.0), DVec3::ZERO];
+        for text in [
+            "1 2 3.5\n4 5 -6\n0 0 0",
+            "//X Y Z R G B\n1 2 3.5 255 0 0\n4 5 -6 1 2 3\n0 0 0 9 9 9\n",
+            "3\n1 2 3.5 -7\n4 5 -6 8\n0 0 0 1\n",
+            "# made by hand\n\nx;y;z\r\n1;2;3.5;water\r\n\r\n4;5;-6;\r\n0,0,0\r\n",
+        ] {
+            assert_eq!(read(text.as_bytes()).unwrap(), expected, "{text}");
+            assert_eq!(read(&gzip(text.as_bytes())).unwrap(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_line_that_is_no_point_is_an_error_that_names_it() {
+        for (text, said) in [
+            ("1 2 3\nx y z\n", "line 2: expected a number, found `x`"),
+            ("x y z\n1 2\n", "line 2: expected a number, found the end of the line"),
+            ("1 2 inf\n", "line 1: expected finite coordinates"),
+            ("1 2 3\n1 2 2e12\n", "line 2: expected finite coordinates within 1.099511627776e12 m"),
+            ("x y z\n", "expected lines of three numbers or more, found none"),
+        ] {
+            let found = read(text.as_bytes()).unwrap_err().to_string();
+            assert!(found.contains(said), "{text:?}: {found}");
+        }
+    }
+}
