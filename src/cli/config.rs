@@ -191,7 +191,9 @@ fn word(value: &impl ValueEnum) -> String {
 /// A surface is given, as meshes or as points.
 fn check_surface(args: &OrthoArgs) -> Result<()> {
     match (args.mesh.is_empty(), args.points.is_empty(), args.max_edge) {
-        (true, true, _) => Err(missing("mesh")),
+        (true, true, _) => Err(Error::usage(
+            "--mesh or --points is missing (in a project file: `mesh` or `points`)",
+        )),
         (_, true, Some(_)) => {
             Err(Error::usage("--max-edge goes with --points only (in a project file: `max_edge`)"))
         }
@@ -250,10 +252,11 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named_as_flag_and_as_key() {
-        for name in ["mesh", "cameras", "photos", "out"] {
+        let none = Config::build(OrthoArgs { mesh: Vec::new(), ..args() }).unwrap_err().to_string();
+        assert!(none.starts_with("--mesh or --points is missing"), "{none}");
+        for name in ["cameras", "photos", "out"] {
             let mut args = args();
             match name {
-                "mesh" => args.mesh.clear(),
                 "cameras" => args.cameras = None,
                 "photos" => args.photos = None,
                 _ => args.out = None,

@@ -90,8 +90,8 @@ impl TinBuild {
         let triangles = self.triangulate(&points, &mut writer, on_progress)?;
         if triangles == 0 {
             return Err(Error::usage(format!(
-                "the point clouds make no triangle: {} points in {:?} m of one another, the longest edge {:?} m",
-                counts.points, counts.spacing_m, counts.max_edge_m
+                "the point clouds make no triangle with edges of up to {:?} m (--max-edge): {} points, their mean spacing is {:.3} m",
+                counts.max_edge_m, counts.points, counts.spacing_m
             )));
         }
         if key_of()? != key {
