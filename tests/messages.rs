@@ -171,7 +171,7 @@ const CASES: &[Case] = &[
     flags("points missing", &["--points", "none.las"]),
     flags("points that are a mesh", &["--points", "mesh.ply"]),
     cloud("points in a picture", |p| {
-        fs::copy(p.path("photos/a.png"), p.path("cloud")).map(drop).unwrap()
+        fs::copy(p.path("photos/a.png"), p.path("cloud")).map(drop).unwrap();
     }),
     cloud("a text of no points", |p| p.write("cloud", "X Y Z\n# none\n")),
     cloud("a point with a word for a number", |p| p.write("cloud", "X Y Z\n1 2 3\n4 five 6\n")),
@@ -185,7 +185,7 @@ const CASES: &[Case] = &[
     cloud("LAS with a scale of zero", |p| p.edit("cloud", |b| patched(b, 131, &[0; 8]))),
     cloud("LAS of absurd counts", |p| p.edit("cloud", |b| patched(b, 107, &[255; 4]))),
     cloud("compressed LAS without a LASzip record", |p| {
-        p.edit("cloud", |b| patched(b, 104, &[0x80]))
+        p.edit("cloud", |b| patched(b, 104, &[0x80]));
     }),
     cloud("LAZ cut in its points", |p| {
         laz(p);

@@ -58,7 +58,7 @@ pub struct MeshInput {
 }
 
 /// What was made of the point clouds.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct TinInput {
     /// The clouds, as they were given.
     pub clouds: Vec<String>,

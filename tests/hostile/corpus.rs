@@ -237,8 +237,11 @@ pub(crate) fn foreign(folder: &Path) -> Vec<(String, Parser)> {
         las_files::write(&folder.join(name), kind, glam::DVec3::ZERO, &points(), &[]);
         all.push((name.into(), parsers::points));
     }
-    let lines: String = points().iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)).collect();
-    fs::write(folder.join("points.txt"), format!("X Y Z\n{lines}")).unwrap();
+    let mut text = b"X Y Z\n".to_vec();
+    for p in points() {
+        writeln!(text, "{} {} {}", p.x, p.y, p.z).unwrap();
+    }
+    fs::write(folder.join("points.txt"), text).unwrap();
     all.push(("points.txt".into(), parsers::points));
     all.extend(photos(folder).into_iter().map(|name| (name, parsers::photo as Parser)));
     all.push(("project.toml".into(), parsers::project));

@@ -1,5 +1,11 @@
 //! Point clouds as the surface: terrain of known height and colour, seen by photos from above.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "small counts, and colours within 0 to 255"
+)]
+
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::fs;

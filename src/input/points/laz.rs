@@ -1,6 +1,6 @@
 //! LAZ: the chunks of a compressed LAS file, one after the other.
 //!
-//! M. Isenburg (2013), "LASzip: lossless compression of LiDAR data", Photogrammetric Engineering & Remote Sensing 79(2),
+//! M. Isenburg (2013), "`LASzip`: lossless compression of `LiDAR` data", Photogrammetric Engineering & Remote Sensing 79(2),
 //! 209–217, doi:10.14358/PERS.79.2.209. A chunk is read into memory as a whole, its lengths are compared with what is there,
 //! and only then is it given to the crate `laz`, which believes them.
 

@@ -1,5 +1,7 @@
 //! The circle through the corners of a triangle: whether a point forbids the triangle, and where such points may lie.
 
+use std::cmp::Ordering;
+
 use glam::DVec2;
 
 use super::delaunay::{Corners, Site};
@@ -88,8 +90,8 @@ impl Circle {
         };
         let u = least(low.x, high.x, self.n.x, self.n_error.x);
         let v = least(low.y, high.y, self.n.y, self.n_error.y);
-        // Not `<= 0`: NaN may meet.
-        !(u + v > 0.0)
+        // NaN may meet.
+        (u + v).partial_cmp(&0.0) != Some(Ordering::Greater)
     }
 
     /// Whether a point of `rect` that is not within `known` may lie in the circle.

@@ -14,7 +14,7 @@ use glam::DVec3;
 /// Bytes of the header.
 pub(super) const HEADER_BYTES: usize = 512;
 /// Bytes of a face.
-const FACE_BYTES: u64 = 13;
+const FACE_BYTES: usize = 13;
 /// What the comment with the facts begins with.
 const FACTS: &str = "comment groundel tin:";
 
@@ -95,7 +95,8 @@ impl Tin {
             return Ok(None);
         };
         let body = counts.points.checked_mul(POINT_BYTES as u64);
-        let body = body.and_then(|b| b.checked_add(counts.triangles.checked_mul(FACE_BYTES)?));
+        let body =
+            body.and_then(|b| b.checked_add(counts.triangles.checked_mul(FACE_BYTES as u64)?));
         if body.and_then(|b| b.checked_add(HEADER_BYTES as u64)) != Some(bytes) {
             return Ok(None);
         }
@@ -147,7 +148,7 @@ impl TinWriter {
     /// Appends faces.
     pub(super) fn faces(&mut self, triangles: &[[u32; 3]]) -> Result<()> {
         for triangle in triangles {
-            let mut bytes = [3; FACE_BYTES as usize];
+            let mut bytes = [3; FACE_BYTES];
             for (four, number) in bytes[1..].chunks_exact_mut(4).zip(triangle) {
                 four.copy_from_slice(&number.to_le_bytes());
             }

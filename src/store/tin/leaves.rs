@@ -103,7 +103,7 @@ pub(super) struct Block {
 /// All leaves, under a tree of bounds.
 #[derive(Debug)]
 pub(super) struct Leaves {
-    leaves: Vec<Leaf>,
+    all: Vec<Leaf>,
     points: u32,
     /// A complete binary tree: the root at 1, the children of k at 2k and 2k + 1, leaves at the end.
     nodes: Vec<Bounds2>,
@@ -119,12 +119,12 @@ impl Leaves {
         for k in (1..width).rev() {
             nodes[k] = nodes[2 * k].union(nodes[2 * k + 1]);
         }
-        Self { leaves, points, nodes }
+        Self { all: leaves, points, nodes }
     }
 
     /// Bytes that leaves of so many points take, at most about.
     pub(super) fn bytes(&self) -> usize {
-        self.leaves.capacity() * size_of::<Leaf>() + self.nodes.len() * size_of::<Bounds2>()
+        self.all.capacity() * size_of::<Leaf>() + self.nodes.len() * size_of::<Bounds2>()
     }
 
     /// Of all points.
@@ -139,7 +139,7 @@ impl Leaves {
 
     /// Numbers of the points of some leaves.
     pub(super) fn range(&self, leaves: Range<usize>) -> Range<u32> {
-        let first = |k: usize| self.leaves.get(k).map_or(self.points, |leaf| leaf.first);
+        let first = |k: usize| self.all.get(k).map_or(self.points, |leaf| leaf.first);
         first(leaves.start)..first(leaves.end)
     }
 
@@ -149,7 +149,7 @@ impl Leaves {
             let size = leaf.bounds.max - leaf.bounds.min;
             size.x * size.y
         };
-        let area: f64 = self.leaves.iter().map(area).sum();
+        let area: f64 = self.all.iter().map(area).sum();
         (area / f64::from(self.points.max(1))).sqrt()
     }
 
@@ -178,7 +178,7 @@ impl Leaves {
     fn points_near(&self, reach: &Bounds2) -> Result<u64> {
         let mut count = 0;
         self.visit(&|bounds| meets(bounds, reach), &mut |k| {
-            count += u64::from(self.range(k..k + 1).len() as u32);
+            count += self.range(k..k + 1).len() as u64;
             Ok(true)
         })?;
         Ok(count)
@@ -195,12 +195,13 @@ impl Leaves {
         most: u64,
         point_bytes: u64,
     ) -> Result<Vec<Block>> {
-        let (mut open, mut blocks) = (vec![0..self.leaves.len()], Vec::new());
+        let (mut open, mut blocks) = (Vec::new(), Vec::new());
+        open.push(0..self.all.len());
         while let Some(leaves) = open.pop() {
             if leaves.is_empty() {
                 continue;
             }
-            let own = self.leaves[leaves.clone()].iter().map(|leaf| leaf.bounds);
+            let own = self.all[leaves.clone()].iter().map(|leaf| leaf.bounds);
             let bounds = own.fold(Bounds2::EMPTY, Bounds2::union);
             let points = self.points_near(&grown(&bounds, reach))?;
             let is_mostly_others = 2 * self.range(leaves.clone()).len() as u64 <= points;
@@ -225,10 +226,10 @@ impl Leaves {
 
     /// Where the cell that holds these leaves is halved.
     fn middle(&self, leaves: &Range<usize>) -> usize {
-        let (first, last) = (self.leaves[leaves.start].key, self.leaves[leaves.end - 1].key);
+        let (first, last) = (self.all[leaves.start].key, self.all[leaves.end - 1].key);
         let bits = shared(first, last);
         let is_below = |leaf: &Leaf| shared(first, leaf.key) > bits;
-        let below = self.leaves[leaves.clone()].partition_point(is_below);
+        let below = self.all[leaves.clone()].partition_point(is_below);
         let middle = if below == 0 || below == leaves.len() { leaves.len() / 2 } else { below };
         leaves.start + middle
     }

@@ -1,6 +1,6 @@
 //! Block by block as in one: the same triangles, which are those of the definition.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 
 use glam::{DVec2, DVec3};
@@ -66,7 +66,7 @@ fn cloud(kind: Kind, n: usize, seed: u64) -> Vec<DVec3> {
                     ];
                     let (x, y) = points[k % 8];
                     let (sx, sy) = ([1, -1][k / 8 % 2], [1, -1][k / 16 % 2]);
-                    DVec2::new((x * sx) as f64 + 66.0 * (k / 32) as f64, (y * sy) as f64)
+                    DVec2::new(f64::from(x * sx) + 66.0 * (k / 32) as f64, f64::from(y * sy))
                 }
                 Kind::Line if k == 0 => DVec2::new(3.0, 1.0),
                 Kind::Line => DVec2::new(k as f64, 2.0 * k as f64),
@@ -115,7 +115,7 @@ fn tin(
             Ok(())
         })
         .unwrap();
-    assert_eq!(doubles as usize + sites.len(), cloud.len());
+    assert_eq!(doubles + sites.len() as u64, cloud.len() as u64);
     let leaves = leaves.finish();
     let points = Points { path: &path, at: 0, plane, leaves: &leaves, max_edge };
     let blocks = leaves.blocks(max_edge, cut.wanted, u64::MAX, 1).unwrap();
@@ -125,13 +125,13 @@ fn tin(
 
 /// Every edge belongs to one triangle, or to two that lie on different sides of it.
 fn assert_valid(sites: &[Site], triangles: &[[u32; 3]]) {
-    let mut edges = BTreeMap::new();
+    let mut edges = BTreeSet::new();
     for &[a, b, c] in triangles {
         assert!(a < b && a < c);
         let [p, q, r] = [a, b, c].map(|k| sites[k as usize].at);
         assert!(orient2d(p, q, r) > 0.0);
         for edge in [(a, b), (b, c), (c, a)] {
-            assert_eq!(edges.insert(edge, ()), None, "two triangles on one side of an edge");
+            assert!(edges.insert(edge), "two triangles on one side of an edge");
         }
     }
     assert!(triangles.is_sorted());
@@ -184,22 +184,22 @@ fn without_a_longest_edge_the_triangles_cover_the_hull_once() {
         assert_eq!(blocks, 1);
         assert_valid(&sites, &triangles);
         // Edges without a partner go around the outside once: what they enclose is the hull.
-        let mut sides = BTreeMap::new();
+        let mut sides = BTreeSet::new();
         for &[a, b, c] in &triangles {
             for (from, to) in [(a, b), (b, c), (c, a)] {
-                if sides.remove(&(to, from)).is_none() {
-                    sides.insert((from, to), ());
+                if !sides.remove(&(to, from)) {
+                    sides.insert((from, to));
                 }
             }
         }
         let enclosed: f64 = sides
-            .keys()
+            .iter()
             .map(|&(a, b)| sites[a as usize].at.perp_dot(sites[b as usize].at) / 2.0)
             .sum();
         let all = area(&sites, &triangles);
         assert!((enclosed / all - 1.0).abs() < 1e-6, "{kind:?}: {enclosed} {all}");
-        let (at, _) = sides.first_key_value().unwrap();
-        let next: BTreeMap<u32, u32> = sides.keys().copied().collect();
+        let at = sides.first().unwrap();
+        let next: BTreeMap<u32, u32> = sides.iter().copied().collect();
         let round =
             std::iter::successors(Some(at.1), |k| next.get(k).copied().filter(|_| *k != at.0));
         assert_eq!(round.count(), sides.len(), "{kind:?}: the outside is not one ring");
@@ -251,7 +251,12 @@ fn the_plane_may_lie_anyhow_and_of_points_above_each_other_the_highest_stays() {
     let mut sorter = Sorter::new(plane, 2, tempfile::tempdir().unwrap().path());
     // The folder is gone: what fits needs none.
     sorter.push(cloud[0]).unwrap();
-    sorter.finish(&mut |p| Ok(kept.push(p.ground))).unwrap();
+    sorter
+        .finish(&mut |p| {
+            kept.push(p.ground);
+            Ok(())
+        })
+        .unwrap();
     assert_eq!(kept, [cloud[0]]);
     let folder = tempfile::tempdir().unwrap();
     let mut sorter = Sorter::new(plane, 2, folder.path());
@@ -259,7 +264,12 @@ fn the_plane_may_lie_anyhow_and_of_points_above_each_other_the_highest_stays() {
         sorter.push(point).unwrap();
     }
     kept.clear();
-    let doubles = sorter.finish(&mut |p| Ok(kept.push(p.ground))).unwrap();
+    let doubles = sorter
+        .finish(&mut |p| {
+            kept.push(p.ground);
+            Ok(())
+        })
+        .unwrap();
     // Elevation is against y: the least y is the highest.
     assert_eq!((doubles, &kept[..]), (2, &[cloud[0], cloud[1], cloud[3]][..]));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -274,7 +284,12 @@ fn a_place_with_more_points_than_fit_is_refused_with_figures() {
     for point in cloud(Kind::Random, 500, 1) {
         sorter.push(point).unwrap();
     }
-    sorter.finish(&mut |point| Ok(leaves.push(point))).unwrap();
+    sorter
+        .finish(&mut |point| {
+            leaves.push(point);
+            Ok(())
+        })
+        .unwrap();
     let leaves = leaves.finish();
     let refused = leaves.blocks(100.0, 50, 400, 1 << 20).unwrap_err();
     assert_eq!(refused.exit_code(), 3);
