@@ -7,7 +7,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 seconds=${1:-60}
 shift $(($# < 1 ? $# : 1))
-targets=${*:-mesh cameras photo project mesh_store photo_store photo_index part}
+targets=${*:-mesh points cameras photo project mesh_store photo_store photo_index part}
 export CARGO_TARGET_DIR=$PWD/target/fuzz
 seeds=target/fuzz/seeds
 # The dependencies' versions are those of the crate.

@@ -7,8 +7,8 @@
 //! # The data path
 //!
 //! ```text
-//! meshes, cameras, photos, frame             input, frame, camera
-//!   → mesh store, photo store                store     immutable files, in pieces that fit the memory
+//! meshes, point clouds, cameras, photos      input, frame, camera
+//!   → TIN, mesh store, photo store           store     immutable files, in pieces that fit the memory
 //!   → plan                                   plan      the mosaic's extent and pixel size; what cannot be made is refused
 //!   → for each tile                          render    threads, caches, the memory budget
 //!       which face each pixel shows          surface
@@ -37,7 +37,7 @@
 //! | [`raster`] | triangle scan conversion and fill rule, lines through triangles; knows no mesh and no photo | geom image |
 //! | [`synthetic`] | analytic scenes with known answers, for the demo, tests and benches | geom image camera frame |
 //! | [`input`] | foreign formats, checked at the door, streamed | geom camera frame |
-//! | [`store`] | our immutable files: mesh partitions, photo tiles and indexes | geom image camera input |
+//! | [`store`] | our immutable files: TINs of point clouds, mesh partitions, photo tiles and indexes | geom image camera input |
 //! | [`plan`] | default plane, extent and pixel size, what is needed of each photo, and the checks before the first tile | geom camera frame store |
 //! | [`surface`] | what the projection sees: elevation and face per mosaic pixel | geom image frame raster |
 //! | [`visibility`] | where one photo sees that surface | geom image camera frame raster surface |

@@ -3,12 +3,17 @@
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+#[path = "las/mod.rs"]
+mod las_files;
+
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use glam::DVec3;
 use groundel::synthetic::{Sampling, TestScene, scenes};
+use las_files::Kind;
 
 /// A good project in which one thing is spoilt, and the flags beside `project.toml`.
 struct Case {
@@ -23,6 +28,37 @@ const fn spoilt(name: &'static str, spoil: fn(&Project)) -> Case {
 
 const fn flags(name: &'static str, flags: &'static [&'static str]) -> Case {
     Case { name, spoil: |_| {}, flags }
+}
+
+/// A case in which `cloud` is the surface.
+const fn cloud(name: &'static str, spoil: fn(&Project)) -> Case {
+    Case { name, spoil, flags: &["--points", "cloud"] }
+}
+
+/// `bytes` with some of them replaced.
+fn patched(mut bytes: Vec<u8>, at: usize, by: &[u8]) -> Vec<u8> {
+    bytes[at..at + by.len()].copy_from_slice(by);
+    bytes
+}
+
+/// Where the points of a LAS file begin.
+fn points_at(bytes: &[u8]) -> usize {
+    u32::from_le_bytes(*bytes[96..].first_chunk().unwrap()) as usize
+}
+
+/// The cloud becomes LAZ.
+fn laz(project: &Project) {
+    write_cloud(&project.path("cloud"), Kind { format: 0, is_compressed: true });
+}
+
+/// A few points of the scene's wall.
+fn write_cloud(path: &Path, kind: Kind) {
+    let points: Vec<DVec3> = (0..400_u32)
+        .map(|k| {
+            DVec3::new(f64::from(k % 20) * 0.1, f64::from(k / 20) * 0.1, f64::from(k % 7) * 0.01)
+        })
+        .collect();
+    las_files::write(path, kind, DVec3::ZERO, &points, &[]);
 }
 
 struct Project(PathBuf);
@@ -129,6 +165,50 @@ const CASES: &[Case] = &[
     }),
     spoilt("gzip cut short", |p| {
         fs::write(p.path("mesh.ply"), [0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 3, 75]).unwrap();
+    }),
+    // Point clouds.
+    spoilt("neither mesh nor points", |p| p.replace("project.toml", "mesh = [\"mesh.ply\"]", "")),
+    flags("points missing", &["--points", "none.las"]),
+    flags("points that are a mesh", &["--points", "mesh.ply"]),
+    cloud("points in a picture", |p| {
+        fs::copy(p.path("photos/a.png"), p.path("cloud")).map(drop).unwrap();
+    }),
+    cloud("a text of no points", |p| p.write("cloud", "X Y Z\n# none\n")),
+    cloud("a point with a word for a number", |p| p.write("cloud", "X Y Z\n1 2 3\n4 five 6\n")),
+    cloud("a point of two numbers", |p| p.write("cloud", "1 2 3 255\n4 5\n")),
+    cloud("a point that is not finite", |p| p.write("cloud", "1 2 3\n4 nan 6\n")),
+    cloud("points on a line", |p| p.write("cloud", "0 0 0\n1 1 0\n2 2 0\n")),
+    cloud("LAS cut in its header", |p| p.edit("cloud", |b| b[..200].to_vec())),
+    cloud("LAS cut in its points", |p| p.cut("cloud", 90)),
+    cloud("LAS of an unknown point format", |p| p.edit("cloud", |b| patched(b, 104, &[11]))),
+    cloud("LAS of too short records", |p| p.edit("cloud", |b| patched(b, 105, &[19, 0]))),
+    cloud("LAS with a scale of zero", |p| p.edit("cloud", |b| patched(b, 131, &[0; 8]))),
+    cloud("LAS of absurd counts", |p| p.edit("cloud", |b| patched(b, 107, &[255; 4]))),
+    cloud("compressed LAS without a LASzip record", |p| {
+        p.edit("cloud", |b| patched(b, 104, &[0x80]));
+    }),
+    cloud("LAZ cut in its points", |p| {
+        laz(p);
+        p.cut("cloud", 50);
+    }),
+    cloud("LAZ of absurd chunks", |p| {
+        laz(p);
+        p.edit("cloud", |b| {
+            let table =
+                usize::try_from(i64::from_le_bytes(*b[points_at(&b)..].first_chunk().unwrap()));
+            patched(b, table.unwrap() + 4, &[255; 4])
+        });
+    }),
+    flags("a longest edge without points", &["--max-edge", "1"]),
+    flags("a longest edge of nothing", &["--points", "cloud", "--max-edge", "0"]),
+    flags("a shorter edge than there is", &["--points", "cloud", "--max-edge", "1e-9"]),
+    flags("points for a fitted plane", &["--points", "cloud", "--view", "fit"]),
+    spoilt("points for a cylinder", |p| {
+        p.write(
+            "project.toml",
+            "points = [\"cloud\"]\ncameras = \"sparse\"\nphotos = \"photos\"\nout = \"mosaic.tif\"\n[frame]\n\
+             kind = \"cylinder\"\norigin = [0, 0, 0]\naxis = [0, 0, 1]\nzero = [1, 0, 0]\nradius = 5.0\nfacing = \"outside\"\n",
+        );
     }),
     flags("a shift that is not finite", &["--shift", "1,nan,0"]),
     flags("masks missing", &["--masks", "none"]),
@@ -317,6 +397,7 @@ fn the_user_is_told_what_is_wrong_where_and_what_was_expected() {
     let folder = tempfile::tempdir().unwrap();
     let good = folder.path().join("good");
     scene().write(&good, Sampling::Box(1), &[]).unwrap();
+    write_cloud(&good.join("cloud"), Kind { format: 0, is_compressed: false });
     let mut all = String::new();
     for (k, case) in CASES.iter().enumerate() {
         let own = folder.path().join(k.to_string());

@@ -211,7 +211,13 @@ pub struct OrthoArgs {
     /// Surface mesh: PLY, OBJ, STL, GLB, glTF (y is not turned up), XYZ triplets; text also .gz, .zst; repeatable, face ids run on
     #[arg(long, value_name = "FILE", help_heading = "Input", value_parser = path!())]
     pub mesh: Vec<PathBuf>,
-    /// Added to every vertex of every mesh, metres: from reduced coordinates to the ground; or the coords.txt of an ODM project, added to its cameras too [default: 0,0,0]
+    /// Point cloud, meshed over the frame's plane: LAS, LAZ, or XYZ text (x y z …); withheld and noise passed over; repeatable
+    #[arg(long, value_name = "FILE", help_heading = "Input", value_parser = path!())]
+    pub points: Vec<PathBuf>,
+    /// Longest edge of a triangle of points, metres in the plane, or inf [default: 50 × the points' mean spacing]
+    #[arg(long, value_name = "METRES", help_heading = "Input", value_parser = values::longest)]
+    pub max_edge: Option<f64>,
+    /// Added to every vertex of every mesh and to every point, metres: from reduced coordinates to the ground; or the coords.txt of an ODM project, added to its cameras too [default: 0,0,0]
     #[arg(long, value_name = "X,Y,Z|FILE.txt", help_heading = "Input", value_parser = values::shift)]
     pub shift: Option<Shift>,
     /// Orientations of the photos: a COLMAP model folder, or the file of another tool (--camera-format)

@@ -32,7 +32,11 @@ const WORK_FOLDER: &str = ".groundel";
 pub struct Config {
     /// The mesh files; face ids run on in this order.
     pub meshes: Vec<PathBuf>,
-    /// Added to every vertex of every mesh, metres.
+    /// The point clouds, whose triangles' ids run on behind those of the meshes.
+    pub points: Vec<PathBuf>,
+    /// Longest edge of a triangle of points, metres in the plane; `None`: by their spacing.
+    pub max_edge_m: Option<f64>,
+    /// Added to every vertex of every mesh and to every point, metres.
     pub shift: [f64; 3],
     /// The camera set.
     pub cameras: PathBuf,
@@ -108,9 +112,8 @@ impl Config {
 
     fn of_merged(args: OrthoArgs, frame: Option<FrameSpec>) -> Result<Self> {
         let out = job::check_name(needed(args.out.clone(), "out")?)?;
-        if args.mesh.is_empty() {
-            return Err(missing("mesh"));
-        }
+        check_surface(&args)?;
+        let frame = frame_choice::frame(&args, frame)?;
         // `+ 0.0` turns −0 into 0.
         let shift = args.shift.as_ref().map_or(Ok([0.0; 3]), Shift::metres)?.map(|v| v + 0.0);
         let odm_offset = match args.shift {
@@ -122,8 +125,10 @@ impl Config {
             cameras: needed(args.cameras.clone(), "cameras")?,
             camera_options: CameraOptions { odm_offset, ..camera_options },
             photos: needed(args.photos.clone(), "photos")?,
-            frame: frame_choice::frame(&args, frame)?,
+            frame,
             meshes: args.mesh,
+            points: args.points,
+            max_edge_m: args.max_edge,
             shift,
             choice: PhotoChoice { include: args.include, exclude: args.exclude },
             masks: args.masks,
@@ -161,6 +166,7 @@ impl Config {
     pub fn described(&self) -> Map<String, Value> {
         let layers: Vec<_> = self.layers.iter().map(|layer| layer.name()).collect();
         let settings = [
+            ("max_edge", json!(self.max_edge_m)),
             ("shift", json!(self.shift)),
             ("camera_format", json!(self.camera_options.format.map(CameraFormat::word))),
             ("angle_unit", json!(self.camera_options.angle_unit.map(AngleUnit::word))),
@@ -187,6 +193,19 @@ impl Config {
 /// The word by which a value is chosen.
 fn word(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|word| word.get_name().to_string()).unwrap_or_default()
+}
+
+/// A surface is given, as meshes or as points.
+fn check_surface(args: &OrthoArgs) -> Result<()> {
+    match (args.mesh.is_empty(), args.points.is_empty(), args.max_edge) {
+        (true, true, _) => Err(Error::usage(
+            "--mesh or --points is missing (in a project file: `mesh` or `points`)",
+        )),
+        (_, true, Some(_)) => {
+            Err(Error::usage("--max-edge goes with --points only (in a project file: `max_edge`)"))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn missing(key: &str) -> Error {
@@ -240,10 +259,11 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named_as_flag_and_as_key() {
-        for name in ["mesh", "cameras", "photos", "out"] {
+        let none = Config::build(OrthoArgs { mesh: Vec::new(), ..args() }).unwrap_err().to_string();
+        assert!(none.starts_with("--mesh or --points is missing"), "{none}");
+        for name in ["cameras", "photos", "out"] {
             let mut args = args();
             match name {
-                "mesh" => args.mesh.clear(),
                 "cameras" => args.cameras = None,
                 "photos" => args.photos = None,
                 _ => args.out = None,

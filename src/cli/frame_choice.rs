@@ -33,6 +33,19 @@ pub struct Fit {
 /// # Errors
 /// [`Error::Usage`] if there is no frame or flags contradict it, and what reading a frame file gives.
 pub(super) fn frame(args: &OrthoArgs, frame: Option<FrameSpec>) -> Result<FrameChoice> {
+    let choice = chosen(args, frame)?;
+    let what = match &choice {
+        FrameChoice::Stated(FrameSpec::Plane(_)) => return Ok(choice),
+        FrameChoice::Stated(FrameSpec::Cylinder(_)) => "a development of a cylinder",
+        FrameChoice::Stated(FrameSpec::Perspective(_)) => "a perspective view",
+        FrameChoice::Fit(_) => "--view fit",
+    };
+    let what = format!("{what}: points are meshed over a plane that is stated, such as --view top");
+    refuse(!args.points.is_empty(), "--points", &what)?;
+    Ok(choice)
+}
+
+fn chosen(args: &OrthoArgs, frame: Option<FrameSpec>) -> Result<FrameChoice> {
     if args.up.is_some() && args.view != Some(View::Fit) {
         return Err(Error::usage("--up goes with --view fit only (in a project file: `up`)"));
     }

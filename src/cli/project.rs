@@ -34,6 +34,8 @@ fn checked(path: &Path, project: Project) -> Result<OrthoArgs> {
     Ok(OrthoArgs {
         project: None,
         mesh: project.mesh,
+        points: project.points,
+        max_edge: keys.check("max_edge", project.max_edge, values::check_longest)?,
         shift: keys.check("shift", project.shift, values::check_shift)?,
         cameras: project.cameras,
         camera: CameraArgs {
@@ -124,6 +126,8 @@ fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
     OrthoArgs {
         project: flags.project,
         mesh: either(flags.mesh, below.mesh),
+        points: either(flags.points, below.points),
+        max_edge: flags.max_edge.or(below.max_edge),
         shift: flags.shift.or(below.shift),
         cameras: flags.cameras.or(below.cameras),
         camera: camera_over(flags.camera, below.camera),
@@ -233,6 +237,8 @@ mod tests {
             ("shift = [0, nan, 0]", "shift", "finite"),
             ("camera_format = \"COLMAP\"", "camera_format", "colmap, table"),
             ("angle_unit = \"grad\"", "angle_unit", "deg, gon, rad"),
+            ("max_edge = 0.0", "max_edge", "greater than 0, or inf"),
+            ("max_edge = nan", "max_edge", "greater than 0, or inf"),
             ("pixel_pitch = 0.0", "pixel_pitch", "greater than 0"),
             ("lens = \"brown\"", "lens", "opencv, classical"),
         ] {

@@ -140,6 +140,16 @@ pub(super) fn check_positive(value: f64) -> Parsed<f64> {
     }
 }
 
+/// A length greater than zero, metres, perhaps infinite.
+pub(super) fn longest(text: &str) -> Parsed<f64> {
+    check_longest(numbers::<1>(text)?[0])
+}
+
+/// The longest edge is longer than nothing.
+pub(super) fn check_longest(value: f64) -> Parsed<f64> {
+    if value > 0.0 { Ok(value) } else { Err("expected a number greater than 0, or inf".into()) }
+}
+
 /// A number that is not negative.
 pub(super) fn not_negative(text: &str) -> Parsed<f64> {
     check_not_negative(numbers::<1>(text)?[0])

@@ -11,6 +11,7 @@ mod hilbert;
 mod lanes;
 mod memory;
 mod mesh_source;
+mod point_source;
 mod predicates;
 mod rect;
 
@@ -23,5 +24,6 @@ pub use memory::held_bytes;
 pub use mesh_source::{
     FaceStream, MeshSource, PolygonFan, TriangleChunk, VertexStream, f32_spacing,
 };
-pub use predicates::orient2d;
+pub use point_source::{POINT_LIMIT_M, PointSource, PointStream};
+pub use predicates::{incircle, orient2d};
 pub use rect::{PixelRect, Size};

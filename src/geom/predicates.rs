@@ -32,6 +32,13 @@ fn exact(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     robust::orient2d(coord(a), coord(b), coord(c))
 }
 
+/// A number whose sign is exact: positive if `d` lies inside the circle through `a`, `b`, `c`, negative if outside, zero if
+/// on it, where `a → b → c` turns from +x towards +y; the other way about if they turn back.
+pub fn incircle(a: DVec2, b: DVec2, c: DVec2, d: DVec2) -> f64 {
+    let coord = |p: DVec2| robust::Coord { x: p.x, y: p.y };
+    robust::incircle(coord(a), coord(b), coord(c), coord(d))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -44,5 +51,15 @@ mod tests {
         assert!(orient2d(a, b, on).abs() < f64::MIN_POSITIVE);
         assert!(orient2d(a, b, above) > 0.0);
         assert!(orient2d(b, a, above) < 0.0);
+    }
+
+    #[test]
+    fn a_point_one_ulp_off_a_circle_far_from_the_origin_is_seen_to_be_off() {
+        let far = DVec2::new(5e5, 4.2e6);
+        let [a, b, c, d] =
+            [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|p| far + DVec2::from(p));
+        assert!(incircle(a, b, c, d).abs() < f64::MIN_POSITIVE);
+        assert!(incircle(a, b, c, DVec2::new(d.x.next_up(), d.y)) > 0.0);
+        assert!(incircle(a, b, c, DVec2::new(d.x.next_down(), d.y)) < 0.0);
     }
 }

@@ -18,7 +18,11 @@ use crate::frame::{FrameSpec, FrameTable};
 pub struct Project {
     /// Mesh files, in order.
     pub mesh: Vec<PathBuf>,
-    /// Added to every vertex of every mesh, metres.
+    /// Point clouds, in order.
+    pub points: Vec<PathBuf>,
+    /// Longest edge of a triangle of points, metres, perhaps infinite.
+    pub max_edge: Option<f64>,
+    /// Added to every vertex of every mesh and to every point, metres.
     pub shift: Option<Shift>,
     /// Camera file or folder.
     pub cameras: Option<PathBuf>,
@@ -98,6 +102,9 @@ pub struct Project {
 struct ProjectTable {
     #[serde(default)]
     mesh: Vec<PathBuf>,
+    #[serde(default)]
+    points: Vec<PathBuf>,
+    max_edge: Option<f64>,
     shift: Option<Shift>,
     cameras: Option<PathBuf>,
     camera_format: Option<String>,
@@ -163,6 +170,8 @@ impl ProjectTable {
         let at = |path: Option<PathBuf>| path.map(|p| folder.join(p));
         Project {
             mesh: self.mesh.into_iter().map(|p| folder.join(p)).collect(),
+            points: self.points.into_iter().map(|p| folder.join(p)).collect(),
+            max_edge: self.max_edge,
             shift: self.shift.map(|shift| match shift {
                 Shift::OfOdm(path) => Shift::OfOdm(folder.join(path)),
                 stated @ Shift::Stated(_) => stated,
@@ -223,6 +232,8 @@ mod tests {
         let (folder, project) = project(
             r#"
 mesh = ["a.ply", "sub/b c.ply", "/abs/c.ply"]
+points = ["cloud 1.laz"]
+max_edge = inf
 shift = [500000, 4200000.5, 0]
 cameras = "sparse"
 camera_format = "bundler"
@@ -271,6 +282,8 @@ v_axis = [0, 0, 1]
         assert_eq!(p.mesh[2], Path::new("/abs/c.ply"));
         let expected = Project {
             mesh: p.mesh.clone(),
+            points: vec![folder.join("cloud 1.laz")],
+            max_edge: Some(f64::INFINITY),
             shift: Some(Shift::Stated([500_000.0, 4_200_000.5, 0.0])),
             cameras: at("sparse"),
             camera_format: some("bundler"),

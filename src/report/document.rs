@@ -35,6 +35,9 @@ pub struct Report {
 pub struct Inputs {
     /// The mesh files, in the order of their face ids.
     pub meshes: Vec<MeshInput>,
+    /// The TIN of the point clouds, whose faces follow those of the meshes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tin: Option<TinInput>,
     /// Faces without an area, which were dropped.
     pub degenerate_faces_dropped: u64,
     /// Vertices with a coordinate that is not finite; no face uses them.
@@ -52,6 +55,25 @@ pub struct MeshInput {
     pub vertices: u64,
     /// Faces, polygons counted once, dropped faces counted too.
     pub faces: u64,
+}
+
+/// What was made of the point clouds.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct TinInput {
+    /// The clouds, as they were given.
+    pub clouds: Vec<String>,
+    /// Points in the TIN.
+    pub points: u64,
+    /// Points that the clouds mark as withheld or as noise.
+    pub passed_over: u64,
+    /// Points at the place of a higher one.
+    pub doubles: u64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Mean distance of neighbouring points in the plane, metres.
+    pub spacing: f64,
+    /// The longest edge allowed in the plane, metres; `null` if any is.
+    pub max_edge: Option<f64>,
 }
 
 /// What the camera set holds.

@@ -1,5 +1,8 @@
 //! Good files of every format, small, to be spoilt.
 
+#[path = "../las/mod.rs"]
+mod las_files;
+
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -151,6 +154,11 @@ fn glb() -> Vec<u8> {
     .concat()
 }
 
+fn points() -> Vec<glam::DVec3> {
+    let (vertices, _) = grid(9);
+    vertices.into_iter().map(|v| glam::Vec3::from_array(v).as_dvec3()).collect()
+}
+
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     encoder.write_all(bytes).unwrap();
@@ -218,6 +226,23 @@ pub(crate) fn foreign(folder: &Path) -> Vec<(String, Parser)> {
         fs::write(folder.join(name), bytes).unwrap();
         all.push((name.into(), parsers::mesh));
     }
+    for (name, format, is_compressed) in [
+        ("points.las", 1, false),
+        ("points6.las", 6, false),
+        ("points.laz", 3, true),
+        ("points6.laz", 6, true),
+        ("points8.laz", 8, true),
+    ] {
+        let kind = las_files::Kind { format, is_compressed };
+        las_files::write(&folder.join(name), kind, glam::DVec3::ZERO, &points(), &[]);
+        all.push((name.into(), parsers::points));
+    }
+    let mut text = b"X Y Z\n".to_vec();
+    for p in points() {
+        writeln!(text, "{} {} {}", p.x, p.y, p.z).unwrap();
+    }
+    fs::write(folder.join("points.txt"), text).unwrap();
+    all.push(("points.txt".into(), parsers::points));
     all.extend(photos(folder).into_iter().map(|name| (name, parsers::photo as Parser)));
     all.push(("project.toml".into(), parsers::project));
     all.push(("frame.toml".into(), parsers::frame));

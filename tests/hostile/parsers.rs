@@ -4,11 +4,11 @@ use std::hash::Hasher;
 use std::path::{Path, PathBuf};
 
 use groundel::batch::{Manifest, PartReader};
-use groundel::geom::{PixelRect, TriangleChunk};
+use groundel::geom::{POINT_LIMIT_M, PixelRect, TriangleChunk};
 use groundel::input::photo::{
     decode_mask, decode_photo, read_mask_header, read_photo_header, read_profile,
 };
-use groundel::input::{CameraOptions, Project, open_mesh, read_cameras, read_frame};
+use groundel::input::{CameraOptions, Project, open_mesh, open_points, read_cameras, read_frame};
 use groundel::store::mesh::{MeshStore, PartitionBuffer};
 use groundel::store::photo::{
     Demand, PhotoSource, PhotoStore, Preparation, PreparedPhoto, Reading, prepare_photos,
@@ -52,6 +52,26 @@ pub(crate) fn mesh(path: &Path) -> Result<u64> {
             break;
         }
     }
+    Ok(digest.finish())
+}
+
+/// A point cloud: its points, and how many were passed over.
+pub(crate) fn points(path: &Path) -> Result<u64> {
+    let cloud = open_points(path)?;
+    let mut digest = Digest::new();
+    let (mut stream, mut points, mut read) = (cloud.points()?, Vec::new(), 0);
+    loop {
+        stream.next_points(1000, &mut points)?;
+        for c in points.iter().flat_map(glam::DVec3::to_array) {
+            assert!(c.abs() <= POINT_LIMIT_M, "a point beyond the limit");
+            digest.write_u64(c.to_bits());
+        }
+        read += points.len() as u64;
+        if points.is_empty() || read > MOST {
+            break;
+        }
+    }
+    digest.write_u64(stream.passed_over());
     Ok(digest.finish())
 }
 

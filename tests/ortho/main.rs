@@ -10,5 +10,8 @@ mod golden;
 mod interruption;
 mod job;
 mod known_answer;
+#[path = "../las/mod.rs"]
+mod las_files;
 mod memory;
+mod points;
 mod views;

@@ -5,7 +5,7 @@ use std::fs;
 use super::super::config::Config;
 use super::super::console;
 use super::super::job_args::PlanArgs;
-use super::super::ortho::{ExitStatus, Inputs, Place, Planned, budget, on_threads, plan};
+use super::super::ortho::{ExitStatus, Inputs, Place, Planned, add_tin, budget, on_threads, plan};
 use super::batches::cut;
 use super::changed::{self, Earlier};
 use super::folder::JobFolder;
@@ -43,10 +43,11 @@ fn stages(
     is_change: bool,
 ) -> Result<ExitStatus> {
     let shares = budget(config)?;
-    let inputs = Inputs::read(config)?;
+    let mut inputs = Inputs::read(config)?;
     let earlier = Earlier::find(folder, is_change)?;
     let stores = folder.stores();
     fs::create_dir_all(&stores).map_err(|e| Error::io(&stores, e))?;
+    add_tin(config, &mut inputs, &shares)?;
     let mut planned = plan(config, &inputs, shares, Place::Own(folder))?;
     let weights = weights(&planned);
     let pixels = planned.job.mosaic.size.area();

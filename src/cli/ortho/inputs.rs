@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::super::config::Config;
 use super::masks::{self, Mask};
+use super::points::Clouds;
 use crate::camera::{CameraSet, Photo};
 use crate::geom::{Bounds3, MeshSource};
 use crate::input::{CameraFormat, Cameras, MeshProof, Proof, open_mesh, read_cameras, shifted};
@@ -16,6 +17,7 @@ use crate::{Error, Result};
 #[derive(Debug)]
 pub(in crate::cli) struct Inputs {
     pub(in crate::cli) meshes: Vec<Box<dyn MeshSource>>,
+    pub(in crate::cli) clouds: Clouds,
     pub(in crate::cli) cameras: CameraSet,
     /// The format that they came in.
     pub(in crate::cli) format: CameraFormat,
@@ -30,11 +32,12 @@ pub(in crate::cli) struct Inputs {
 }
 
 impl Inputs {
-    /// Reads the cameras and the heads of the meshes and masks.
+    /// Reads the cameras and the heads of the meshes, point clouds and masks.
     pub(in crate::cli) fn read(config: &Config) -> Result<Self> {
         let shift = DVec3::from_array(config.shift);
         let open = |path: &PathBuf| Ok(shifted(open_mesh(path)?, shift));
         let meshes = config.meshes.iter().map(open).collect::<Result<_>>()?;
+        let clouds = Clouds::open(config)?;
         check_folder(&config.photos)?;
         let Cameras { set: cameras, format, proof } =
             read_cameras(&config.cameras, &config.camera_options)?;
@@ -55,7 +58,7 @@ impl Inputs {
             return Err(Error::usage(no_photo(config, &cameras, &left_out)));
         }
         let masks = masks::find(config, &photos)?;
-        Ok(Self { meshes, cameras, format, proof, photos, masks, left_out })
+        Ok(Self { meshes, clouds, cameras, format, proof, photos, masks, left_out })
     }
 
     /// What the cameras' tie points and the bounds of the mesh, ground, say against the cameras.

@@ -1,4 +1,4 @@
-//! `groundel ortho`: inputs → mesh store → grid → photo store → plan → tiles → files → report.
+//! `groundel ortho`: inputs → TIN of point clouds → mesh store → grid → photo store → plan → tiles → files → report.
 //!
 //! What it plans is a job, which `super::job` renders and assembles; `groundel plan` stops there.
 
@@ -11,6 +11,7 @@ mod job;
 mod masks;
 mod outputs;
 mod planning;
+mod points;
 mod precision;
 mod profile;
 mod reporting;
@@ -23,6 +24,7 @@ pub(super) use grid::of_view as mosaic_of_view;
 pub(super) use inputs::Inputs;
 pub(super) use job::{Job, Place, scene};
 pub(super) use planning::{Planned, budget, plan, tile_demand};
+pub(super) use points::add_tin;
 pub(super) use reporting::Outcome;
 pub use run::ExitStatus;
 pub(super) use run::{on_threads, run};

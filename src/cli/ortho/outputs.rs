@@ -33,7 +33,8 @@ fn refuse_inputs<'a>(
 ) -> Result<()> {
     let photos = inputs.photos.iter().map(|photo| config.photos.join(&photo.name));
     let masks = inputs.masks.iter().map(|mask| mask.source.path.clone());
-    let read: Vec<PathBuf> = config.meshes.iter().cloned().chain(photos).chain(masks).collect();
+    let surfaces = config.meshes.iter().chain(&config.points).cloned();
+    let read: Vec<PathBuf> = surfaces.chain(photos).chain(masks).collect();
     for file in files.filter_map(|file| fs::canonicalize(file).ok()) {
         if let Some(input) = read.iter().find(|i| fs::canonicalize(i).is_ok_and(|i| i == file)) {
             let input = input.display();

@@ -64,6 +64,7 @@ pub(super) fn inputs(config: &Config, inputs: &Inputs, stores: &Stores) -> Input
     let (all, used) = (inputs.cameras.names.len() as u64, stores.photos.len() as u64);
     InputReport {
         meshes: meshes.collect(),
+        tin: inputs.clouds.report(),
         degenerate_faces_dropped: counts.faces_dropped(),
         unused_non_finite_vertices: counts.vertices_unusable,
         cameras: CameraInput {

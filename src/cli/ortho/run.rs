@@ -8,6 +8,7 @@ use super::inputs::Inputs;
 use super::job::{Job, Place};
 use super::outputs;
 use super::planning::{Planned, budget, plan};
+use super::points::add_tin;
 use super::reporting::Outcome;
 use crate::batch::{Rivals, TileAddress, statistics};
 use crate::plan::tile_weight;
@@ -61,8 +62,11 @@ pub(in crate::cli) fn run(config: &Config) -> Result<ExitStatus> {
 fn stages(config: &Config) -> Result<ExitStatus> {
     let mut log = StageLog::start();
     let budget = budget(config)?;
-    let inputs = log.run("inputs", || Inputs::read(config))?;
+    let mut inputs = log.run("inputs", || Inputs::read(config))?;
     outputs::check(config, &inputs)?;
+    if !inputs.clouds.is_empty() {
+        log.run("point clouds", || add_tin(config, &mut inputs, &budget))?;
+    }
     let planned = plan(config, &inputs, budget, Place::Work)?;
     let Planned { job, outlook, .. } = &planned;
     log.extend(&planned.log);

@@ -215,7 +215,7 @@ fn unchanged(sources: &[&dyn MeshSource], key: MeshKey) -> Result<()> {
 }
 
 /// Holds the lock file, until it is dropped.
-fn lock(path: &Path) -> Result<File> {
+pub(in crate::store) fn lock(path: &Path) -> Result<File> {
     let io = |e| Error::io(path, e);
     let file = File::options().create(true).truncate(false).write(true).open(path).map_err(io)?;
     file.lock().map_err(io)?;
@@ -224,16 +224,22 @@ fn lock(path: &Path) -> Result<File> {
 
 /// A folder for temporary files, emptied before and removed after.
 #[derive(Debug)]
-struct TemporaryFolder(PathBuf);
+pub(in crate::store) struct TemporaryFolder(PathBuf);
 
 impl TemporaryFolder {
-    fn new(path: PathBuf) -> Result<Self> {
+    /// An empty folder at `path`.
+    pub(in crate::store) fn new(path: PathBuf) -> Result<Self> {
         match std::fs::remove_dir_all(&path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io(path, e)),
             _ => {}
         }
         std::fs::create_dir(&path).map_err(|e| Error::io(&path, e))?;
         Ok(Self(path))
+    }
+
+    /// Where it is.
+    pub(in crate::store) fn path(&self) -> &Path {
+        &self.0
     }
 }
 

@@ -73,7 +73,7 @@ impl fmt::Debug for MeshKey {
 }
 
 /// Adds one file: each part with its length, so that no two lists of files give the same bytes.
-fn add_file(hash: &mut Xxh3, path: &Path) -> io::Result<()> {
+pub(in crate::store) fn add_file(hash: &mut Xxh3, path: &Path) -> io::Result<()> {
     let name = path.file_name().unwrap_or_default().as_encoded_bytes();
     hash.update(&(name.len() as u64).to_le_bytes());
     hash.update(name);

@@ -27,7 +27,9 @@ mod vertices;
 mod write;
 
 pub use build::MeshBuild;
+pub(super) use build::{TemporaryFolder, lock};
 pub use key::MeshKey;
+pub(super) use key::add_file;
 pub use layout::MeshCounts;
 pub use partition::PartitionBuffer;
 pub use plan::MeshDiskForecast;

@@ -28,6 +28,7 @@ fn main() {
         let target = match ending {
             "jpg" | "png" | "tif" => "photo",
             "toml" => "project",
+            "las" | "laz" | "txt" => "points",
             _ => "mesh",
         };
         into(target, &name, &bytes);
