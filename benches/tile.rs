@@ -38,6 +38,7 @@ fn whole_scene(folder: &Path) -> Scene {
     let of = |(photo, k): (&Photo, u16)| ScenePhoto::new(k, photo, origin, 1.0);
     Scene {
         mosaic: set.plane().mosaic().expect("a plane").local(origin),
+        below: Vec::new(),
         photos: photos.iter().zip(0..).map(of).collect(),
         names: photos.len(),
         mesh,
