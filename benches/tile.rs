@@ -130,7 +130,7 @@ fn tile(c: &mut Criterion) {
     renderer.take_statistics();
     let whole: OrthoTile = renderer.tile(BLOCK).expect("good stores");
     assert!(whole.count.data().iter().filter(|&&n| n >= 1).count() >= shown / 10 * 9);
-    let found = renderer.take_statistics().photos[1].seen;
+    let found = renderer.take_statistics()[0].photos[1].seen;
     assert_eq!(found, seen as u64, "the renderer and the bench decide alike");
     group.finish();
 }

@@ -311,7 +311,7 @@ proptest! {
 }
 
 /// A block of 9 × 10 pixels that three photos see here and there, blended; `count` is given samples and tile.
-fn patchy(count: impl Fn(&mut SampleTile, &mut OrthoTile)) -> OrthoTile {
+fn patchy(count: impl FnOnce(&mut SampleTile, &mut OrthoTile)) -> OrthoTile {
     let rect = PixelRect::new(2, 3, 11, 13);
     let mut tile = OrthoTile::new(rect, &GREY);
     tile.set_surface(rect, |k| (k % 7 != 0).then_some((k as f64, FaceId(5))));
@@ -374,7 +374,11 @@ fn pixels_that_are_the_same_are_taken_over_with_all_layers_and_the_others_stay()
             assert_eq!(to.elevation.data()[at].to_bits(), of.elevation.data()[at].to_bits());
             assert_eq!(to.face.data()[at], of.face.data()[at]);
             assert_eq!(to.best.data()[at], of.best.data()[at]);
-            for layer in [|t: &OrthoTile| &t.count, |t| &t.used, |t| &t.coverage] {
+            for layer in [
+                |t: &OrthoTile| t.count.clone(),
+                |t: &OrthoTile| t.used.clone(),
+                |t: &OrthoTile| t.coverage.clone(),
+            ] {
                 assert_eq!(layer(&to).data()[at], layer(of).data()[at]);
             }
             assert_eq!(colour(&to)[2 * at..2 * at + 2], colour(of)[2 * at..2 * at + 2]);

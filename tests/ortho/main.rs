@@ -11,4 +11,5 @@ mod interruption;
 mod job;
 mod known_answer;
 mod memory;
+mod sections;
 mod views;

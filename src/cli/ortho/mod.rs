@@ -23,7 +23,7 @@ pub(super) use grid::of_view as mosaic_of_view;
 pub(super) use inputs::Inputs;
 pub(super) use job::{Job, Place, scene};
 pub(super) use planning::{Planned, budget, plan, tile_demand};
-pub(super) use reporting::Outcome;
+pub(super) use reporting::{Outcome, found};
 pub use run::ExitStatus;
 pub(super) use run::{on_threads, run};
 pub(super) use shelf::Shelf;
