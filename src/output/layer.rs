@@ -212,6 +212,12 @@ impl Layer {
         }
     }
 
+    /// Whether a tile of equal pixels is the same bytes in the other layer.
+    pub fn is_like(&self, other: &Self) -> bool {
+        let of = |layer: &Self| (layer.meaning, layer.sample, layer.channels);
+        of(self) == of(other)
+    }
+
     /// Whether a raster has this layer's sample type and channels.
     pub fn fits(&self, raster: &Raster) -> bool {
         raster.sample_type() == self.sample && raster.channels() == self.channels
