@@ -314,11 +314,11 @@ proptest! {
 fn patchy(count: impl FnOnce(&mut SampleTile, &mut OrthoTile)) -> OrthoTile {
     let rect = PixelRect::new(2, 3, 11, 13);
     let mut tile = OrthoTile::new(rect, &GREY);
-    tile.set_surface(rect, |k| (k % 7 != 0).then_some((k as f64, FaceId(5))));
+    tile.set_surface(rect, |k| (!k.is_multiple_of(7)).then_some((k as f64, FaceId(5))));
     let mut stack = SampleTile::new();
     stack.begin(rect);
     for photo in 0..3_u16 {
-        let sees = |k: &u32| k % 7 != 0 && (k + u32::from(photo)) % 4 != 0;
+        let sees = |k: &u32| !k.is_multiple_of(7) && !(k + u32::from(photo)).is_multiple_of(4);
         let pixels: Vec<u32> = (0..90).filter(sees).collect();
         let colours: Vec<_> = pixels.iter().map(|&k| [(k * 13 % 200) as f32; 3]).collect();
         let off = colours.iter().map(|c| c.map(|v| v + 5.0 * f32::from(photo))).collect::<Vec<_>>();
@@ -347,7 +347,9 @@ fn samples_counted_by_parts_are_those_counted_together() {
         for (photo, rest) in rest.photos.iter_mut().enumerate() {
             assert!(counts[1].photos[photo].seen > 5);
             rest.take_away(&counts[0].photos[photo]);
-            let seen = (0..90).filter(|&k| dealt[k] == 1 && k % 7 != 0 && (k + photo) % 4 != 0);
+            let seen = (0..90).filter(|&k| {
+                dealt[k] == 1 && !k.is_multiple_of(7) && !(k + photo).is_multiple_of(4)
+            });
             assert_eq!(rest.seen, seen.count() as u64);
         }
         assert_eq!(rest, counts[1]);
