@@ -38,6 +38,7 @@ fn whole_scene(folder: &Path) -> Scene {
     let of = |(photo, k): (&Photo, u16)| ScenePhoto::new(k, photo, origin, 1.0);
     Scene {
         mosaic: set.plane().mosaic().expect("a plane").local(origin),
+        below: Vec::new(),
         photos: photos.iter().zip(0..).map(of).collect(),
         names: photos.len(),
         mesh,
@@ -129,7 +130,7 @@ fn tile(c: &mut Criterion) {
     renderer.take_statistics();
     let whole: OrthoTile = renderer.tile(BLOCK).expect("good stores");
     assert!(whole.count.data().iter().filter(|&&n| n >= 1).count() >= shown / 10 * 9);
-    let found = renderer.take_statistics().photos[1].seen;
+    let found = renderer.take_statistics()[0].photos[1].seen;
     assert_eq!(found, seen as u64, "the renderer and the bench decide alike");
     group.finish();
 }

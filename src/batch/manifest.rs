@@ -35,7 +35,8 @@ impl Manifest {
     /// The manifest of a job. `settings` is a fingerprint of everything else that decides a pixel: inputs and flags.
     ///
     /// # Errors
-    /// If the size or the tile size is out of range, or a layer comes twice.
+    /// If the size or the tile size is out of range, a layer comes twice in a section, or layers are not in the order of
+    /// their sections, from 0 on.
     pub fn new(
         size: Size,
         format: TileFormat,
@@ -124,11 +125,24 @@ impl Manifest {
             if !layer.is_consistent() {
                 return Err(format!("layer {name} with other samples than it has"));
             }
-            if self.layers[..i].iter().any(|l| l.meaning() == layer.meaning()) {
+            let is_same =
+                |l: &Layer| (l.section(), l.meaning()) == (layer.section(), layer.meaning());
+            if self.layers[..i].iter().any(is_same) {
                 return Err(format!("layer {name} twice"));
+            }
+            // Section by section, so that no number is left out.
+            let before = if i == 0 { 0 } else { self.layers[i - 1].section() };
+            if !(before..=before.saturating_add(u16::from(i > 0))).contains(&layer.section()) {
+                let found = layer.section();
+                return Err(format!("layer {name} of section {found} behind section {before}"));
             }
         }
         Ok(())
+    }
+
+    /// Number of sections: 1 for an ordinary mosaic.
+    pub fn sections(&self) -> usize {
+        self.layers.last().map_or(0, |layer| usize::from(layer.section()) + 1)
     }
 
     /// Size of the mosaic in pixels.
@@ -196,6 +210,26 @@ mod tests {
             assert_eq!(back.fingerprint(), whole.fingerprint());
         }
         assert_ne!(manifest(1.0).fingerprint(), manifest(1.0 + f64::EPSILON).fingerprint());
+    }
+
+    #[test]
+    fn layers_come_once_a_section_and_sections_in_order() {
+        let with = |sections: &[u16]| {
+            let layer = |&k: &u16| Layer::of(Meaning::Best).unwrap().of_section(k);
+            let (of, layers) = (manifest(0.0), sections.iter().map(layer).collect());
+            Manifest::new(of.size(), of.format(), layers, None, "abc")
+        };
+        assert_eq!(with(&[0, 1, 2]).unwrap().sections(), 3);
+        for wrong in [&[0, 0][..], &[1], &[0, 2], &[0, 1, 0], &[]] {
+            assert!(with(wrong).is_err(), "{wrong:?}");
+        }
+        // An ordinary job does not speak of sections.
+        assert_eq!(manifest(0.0).sections(), 1);
+        assert!(!String::from_utf8(manifest(0.0).to_json()).unwrap().contains("section"));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("manifest.json");
+        with(&[0, 1]).unwrap().save(&path).unwrap();
+        assert_eq!(Manifest::load(&path).unwrap(), with(&[0, 1]).unwrap());
     }
 
     #[test]

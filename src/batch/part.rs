@@ -45,7 +45,7 @@ pub(super) struct Entry {
 impl Entry {
     /// The entry of a record.
     ///
-    /// Levels are at most 32 and layers at most 7; greater ones, from a damaged file, fit no pyramid anyway.
+    /// Levels are at most 32 and layers at most 7 a section; greater ones, from a damaged file, fit no pyramid anyway.
     pub(super) fn new(layer: usize, tile: TileKey, length: u32, offset: u64) -> Self {
         let level = u16::try_from(tile.level).unwrap_or(u16::MAX);
         let layer = u16::try_from(layer).unwrap_or(u16::MAX);

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Manifest, Rendered, TileAddress, TileRenderer, notes};
 use crate::image::Samples;
-use crate::output::{Meaning, Raster};
+use crate::output::{Layer, Meaning, Raster};
 use crate::render::{OrthoTile, PhotoStats, Renderer, Scene, Statistics};
 use crate::{Error, Result};
 
@@ -20,7 +20,8 @@ pub struct SceneTiles<'a> {
 }
 
 impl<'a> SceneTiles<'a> {
-    /// A renderer of the job's tiles whose threads keep their working memory within about `block_bytes` each.
+    /// A renderer of the job's tiles whose threads keep their working memory within about `block_bytes` each. The
+    /// manifest has the scene's sections.
     pub fn new(scene: &'a Scene, manifest: &'a Manifest, block_bytes: u64) -> Self {
         Self { scene, manifest, block_bytes, peak_bytes: AtomicU64::new(0) }
     }
@@ -39,27 +40,60 @@ impl<'a> TileRenderer for SceneTiles<'a> {
     }
 
     fn render(&self, tile: TileAddress, renderer: &mut Renderer<'a>) -> Result<Rendered> {
-        let tile = renderer.tile(self.manifest.tile_rect(tile))?;
+        let tiles = renderer.section_tiles(self.manifest.tile_rect(tile))?;
         self.peak_bytes.fetch_max(renderer.memory_bytes(), Ordering::Relaxed);
-        let rasters = self.manifest.layers().iter().map(|l| raster(&tile, l.meaning())).collect();
-        Ok(Rendered { rasters, note: to_note(&renderer.take_statistics()) })
+        let of_layer = |l: &Layer| raster(&tiles[usize::from(l.section())], l.meaning());
+        let rasters = self.manifest.layers().iter().map(of_layer).collect();
+        Ok(Rendered { rasters, note: to_notes(&renderer.take_statistics()) })
     }
 }
 
-/// The sum of what was found on all tiles of some parts, for a camera set of `photos`. The counts are integers: their
-/// sum does not depend on the order of the tiles.
+/// The sums of what was found on all tiles of some parts, one a section, for a camera set of `photos`. The counts are
+/// integers: their sum does not depend on the order of the tiles.
 ///
 /// # Errors
 /// As [`notes`], or if a note is not one of [`SceneTiles`].
-pub fn statistics(manifest: &Manifest, parts: &[PathBuf], photos: usize) -> Result<Statistics> {
-    let mut sum = Statistics::new(photos);
+pub fn statistics(
+    manifest: &Manifest,
+    parts: &[PathBuf],
+    photos: usize,
+) -> Result<Vec<Statistics>> {
+    let mut sums = vec![Statistics::new(photos); manifest.sections()];
     notes(manifest, parts, &mut |note| {
         let path = parts.first().map_or(Path::new("parts"), PathBuf::as_path);
         let bad =
             || Error::corrupt(path, "note of a tile", "statistics of this job", "other bytes");
-        add_note(&mut sum, note).ok_or_else(bad)
+        add_notes(&mut sums, note).ok_or_else(bad)
     })?;
-    Ok(sum)
+    Ok(sums)
+}
+
+/// The notes of all sections: that of a single one as it is, else each after its length (u32, little-endian).
+fn to_notes(found: &[Statistics]) -> Vec<u8> {
+    if let [found] = found {
+        return to_note(found);
+    }
+    let mut notes = Vec::new();
+    for note in found.iter().map(to_note) {
+        notes.extend(u32::try_from(note.len()).unwrap_or(u32::MAX).to_le_bytes());
+        notes.extend(note);
+    }
+    notes
+}
+
+/// Adds what the notes of all sections say; `None` if they are no such notes.
+fn add_notes(sums: &mut [Statistics], mut notes: &[u8]) -> Option<()> {
+    if let [sum] = sums {
+        return add_note(sum, notes);
+    }
+    for sum in sums {
+        let (length, rest) = notes.split_first_chunk::<4>()?;
+        let length = usize::try_from(u32::from_le_bytes(*length)).ok()?;
+        let (note, rest) = rest.split_at_checked(length)?;
+        add_note(sum, note)?;
+        notes = rest;
+    }
+    notes.is_empty().then_some(())
 }
 
 /// Statistics as bytes, what is zero left out: `(value u8, pixels u64)` after their number (u32), then
@@ -143,5 +177,26 @@ mod tests {
             assert_eq!(whole.is_some(), cut == 4 + 3 * 9, "{cut}");
         }
         assert!(add_note(&mut Statistics::new(2), &note).is_none());
+    }
+
+    #[test]
+    fn notes_of_sections_stay_apart_and_those_of_one_are_a_note_alone() {
+        let found = |k: u64| {
+            let mut found = Statistics::new(3);
+            found.counts[1] = 7 * k;
+            found.photos[1].seen = k;
+            found
+        };
+        assert_eq!(to_notes(&[found(2)]), to_note(&found(2)));
+        let all = [found(2), found(0), found(5)];
+        let notes = to_notes(&all);
+        let mut sums = vec![Statistics::new(3); 3];
+        add_notes(&mut sums, &notes).unwrap();
+        assert_eq!(sums, all);
+        for cut in 0..notes.len() {
+            assert!(add_notes(&mut sums, &notes[..cut]).is_none(), "{cut}");
+        }
+        assert!(add_notes(&mut sums, &[&notes[..], &[0]].concat()).is_none());
+        assert!(add_notes(&mut [Statistics::new(3), Statistics::new(3)], &notes).is_none());
     }
 }

@@ -21,8 +21,8 @@ mod statistics;
 mod tests;
 mod tile;
 
-pub use pixel::blend_into;
+pub use pixel::{blend_into, blend_parts_into};
 pub use settings::{Blend, Outliers, Settings, Weights};
 pub use stack::SampleTile;
-pub use statistics::{PhotoStats, Statistics};
+pub use statistics::{Parts, PhotoStats, Statistics};
 pub use tile::OrthoTile;

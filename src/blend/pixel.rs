@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use super::stack::{Plane, STRIP, SampleTile};
 use super::tile::colour_of;
-use super::{Blend, OrthoTile, Outliers, PhotoStats, Settings, Statistics, Weights};
+use super::{Blend, OrthoTile, Outliers, Parts, PhotoStats, Settings, Statistics, Weights};
 use crate::geom::{Kernel, PixelRect, run_widest};
 
 use crate::image::{Colour, Image, Samples};
@@ -51,6 +51,29 @@ pub fn blend_into(
     tile: &mut OrthoTile,
     statistics: &mut Statistics,
 ) {
+    blend_block(settings, samples, tile, (statistics, None));
+}
+
+/// As [`blend_into`]; counts the samples also in the statistics of the parts of the block.
+///
+/// # Panics
+/// As [`blend_into`], and if a pixel with samples is of no part.
+pub fn blend_parts_into(
+    settings: &Settings,
+    samples: &mut SampleTile,
+    tile: &mut OrthoTile,
+    statistics: &mut Statistics,
+    parts: Parts<'_>,
+) {
+    blend_block(settings, samples, tile, (statistics, Some(parts)));
+}
+
+fn blend_block(
+    settings: &Settings,
+    samples: &mut SampleTile,
+    tile: &mut OrthoTile,
+    counting: (&mut Statistics, Option<Parts<'_>>),
+) {
     assert_eq!(
         (tile.colour.bits(), colour_of(&tile.colour)),
         (settings.depth.bits(), settings.colour),
@@ -63,10 +86,10 @@ pub fn blend_into(
     let (planes, scratch) = samples.planes_and_scratch();
     match settings.colour {
         Colour::Grey => {
-            run_widest(BlendBlock::<1> { settings, planes, scratch, part, tile, statistics });
+            run_widest(BlendBlock::<1> { settings, planes, scratch, part, tile, counting });
         }
         Colour::Rgb => {
-            run_widest(BlendBlock::<3> { settings, planes, scratch, part, tile, statistics });
+            run_widest(BlendBlock::<3> { settings, planes, scratch, part, tile, counting });
         }
     }
 }
@@ -101,12 +124,21 @@ impl Scratch {
     };
 
     fn counts(&self) -> PhotoStats {
+        self.counted(|strip| strip.iter().sum())
+    }
+
+    /// The counts of one pixel of the strip.
+    fn counts_at(&self, k: usize) -> PhotoStats {
+        self.counted(|strip| strip[k])
+    }
+
+    fn counted(&self, of: impl Fn(&Strip) -> f64) -> PhotoStats {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "whole numbers below 2^53"
         )]
-        let whole = |strip: &Strip| strip.iter().sum::<f64>() as u64;
+        let whole = |strip: &Strip| of(strip) as u64;
         let (seen, used) = (whole(&self.seen), whole(&self.used));
         PhotoStats {
             seen,
@@ -125,7 +157,7 @@ struct BlendBlock<'a, const C: usize> {
     scratch: &'a mut Vec<Scratch>,
     part: PixelRect,
     tile: &'a mut OrthoTile,
-    statistics: &'a mut Statistics,
+    counting: (&'a mut Statistics, Option<Parts<'a>>),
 }
 
 impl<const C: usize> Kernel for BlendBlock<'_, C> {
@@ -133,7 +165,8 @@ impl<const C: usize> Kernel for BlendBlock<'_, C> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { settings, planes, scratch, part, tile, statistics } = self;
+        let Self { settings, planes, scratch, part, tile, counting } = self;
+        let (statistics, mut parts) = counting;
         scratch.clear();
         scratch.resize(planes.len(), Scratch::NONE);
         let area = part.area();
@@ -153,10 +186,36 @@ impl<const C: usize> Kernel for BlendBlock<'_, C> {
                 );
                 k += of_row;
             }
+            if let Some(parts) = &mut parts {
+                count_parts(planes, scratch, first..end, statistics, parts);
+            }
         }
         for (plane, counted) in planes.iter().zip(&*scratch) {
             statistics.photos[usize::from(plane.photo)].merge(&counted.counts());
         }
+    }
+}
+
+/// Moves what was counted of a strip, the pixels `of` of the block, to the statistics of each pixel's part, and of all.
+fn count_parts(
+    planes: &[Plane],
+    scratch: &mut [Scratch],
+    of: Range<usize>,
+    all: &mut Statistics,
+    parts: &mut Parts<'_>,
+) {
+    for (plane, s) in planes.iter().zip(scratch) {
+        let photo = usize::from(plane.photo);
+        for (k, pixel) in of.clone().enumerate() {
+            if s.seen[k] > 0.0 {
+                let counts = s.counts_at(k);
+                all.photos[photo].merge(&counts);
+                let part = usize::from(parts.part_of[pixel]);
+                parts.statistics[part].photos[photo].merge(&counts);
+            }
+        }
+        let zero = [0.0; STRIP];
+        (s.seen, s.used, s.compared, s.residual_256) = (zero, zero, zero, zero);
     }
 }
 

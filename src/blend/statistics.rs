@@ -32,6 +32,24 @@ impl PhotoStats {
         self.compared += other.compared;
         self.residual_256 += other.residual_256;
     }
+
+    /// Takes away the counts of a part of the mosaic that are among these.
+    pub fn take_away(&mut self, part: &Self) {
+        self.seen -= part.seen;
+        self.used -= part.used;
+        self.rejected -= part.rejected;
+        self.compared -= part.compared;
+        self.residual_256 -= part.residual_256;
+    }
+}
+
+/// Counts of a block's samples by the part that their pixel belongs to.
+#[derive(Debug)]
+pub struct Parts<'a> {
+    /// The part of each pixel of the block, row-major.
+    pub part_of: &'a [u16],
+    /// One a part.
+    pub statistics: &'a mut [Statistics],
 }
 
 /// Counts over some tiles. They are integers: merging is exact, in any order.

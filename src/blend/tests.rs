@@ -309,3 +309,81 @@ proptest! {
         }
     }
 }
+
+/// A block of 9 × 10 pixels that three photos see here and there, blended; `count` is given samples and tile.
+fn patchy(count: impl FnOnce(&mut SampleTile, &mut OrthoTile)) -> OrthoTile {
+    let rect = PixelRect::new(2, 3, 11, 13);
+    let mut tile = OrthoTile::new(rect, &GREY);
+    tile.set_surface(rect, |k| (!k.is_multiple_of(7)).then_some((k as f64, FaceId(5))));
+    let mut stack = SampleTile::new();
+    stack.begin(rect);
+    for photo in 0..3_u16 {
+        let sees = |k: &u32| !k.is_multiple_of(7) && !(k + u32::from(photo)).is_multiple_of(4);
+        let pixels: Vec<u32> = (0..90).filter(sees).collect();
+        let colours: Vec<_> = pixels.iter().map(|&k| [(k * 13 % 200) as f32; 3]).collect();
+        let off = colours.iter().map(|c| c.map(|v| v + 5.0 * f32::from(photo))).collect::<Vec<_>>();
+        stack.push(photo, 1.0, &pixels, &off, &vec![1.0; pixels.len()]);
+    }
+    count(&mut stack, &mut tile);
+    tile
+}
+
+#[test]
+fn samples_counted_by_parts_are_those_counted_together() {
+    let (mut whole, mut all) = (Statistics::new(3), Statistics::new(3));
+    let tile = patchy(|samples, tile| blend_into(&GREY, samples, tile, &mut whole));
+    for part in 0..4_u16 {
+        // All in one part, or dealt out: what is counted of a part alone is what is counted of it among others.
+        let dealt: Vec<u16> = (0..90).map(|k| if k * 3 % 4 == part { 1 } else { 0 }).collect();
+        let mut counts = vec![Statistics::new(3); 2];
+        all = Statistics::new(3);
+        let same = patchy(|samples, tile| {
+            let parts = Parts { part_of: &dealt, statistics: &mut counts };
+            blend_parts_into(&GREY, samples, tile, &mut all, parts);
+        });
+        assert_eq!(same.colour, tile.colour);
+        assert_eq!(all, whole);
+        let mut rest = whole.clone();
+        for (photo, rest) in rest.photos.iter_mut().enumerate() {
+            assert!(counts[1].photos[photo].seen > 5);
+            rest.take_away(&counts[0].photos[photo]);
+            let seen = (0..90).filter(|&k| {
+                dealt[k] == 1 && !k.is_multiple_of(7) && !(k + photo).is_multiple_of(4)
+            });
+            assert_eq!(rest.seen, seen.count() as u64);
+        }
+        assert_eq!(rest, counts[1]);
+    }
+    assert_eq!(all.photos.len(), 3);
+}
+
+#[test]
+fn pixels_that_are_the_same_are_taken_over_with_all_layers_and_the_others_stay() {
+    let from = patchy(|samples, tile| {
+        blend_into(&GREY, samples, tile, &mut Statistics::new(3));
+    });
+    let blank = OrthoTile::new(from.rect, &GREY);
+    let part = PixelRect::new(3, 4, 10, 12);
+    let is_same = |k: usize| k % 5 < 2 || k / 7 == 3;
+    let mut to = blank.clone();
+    to.copy_pixels(&from, part, is_same);
+    for y in from.rect.y0..from.rect.y1 {
+        for x in from.rect.x0..from.rect.x1 {
+            let inside = (3..10).contains(&x) && (4..12).contains(&y);
+            let copied = inside && is_same(usize::try_from((y - 4) * 7 + x - 3).unwrap());
+            let at = usize::try_from((y - 3) * 9 + x - 2).unwrap();
+            let of = if copied { &from } else { &blank };
+            assert_eq!(to.elevation.data()[at].to_bits(), of.elevation.data()[at].to_bits());
+            assert_eq!(to.face.data()[at], of.face.data()[at]);
+            assert_eq!(to.best.data()[at], of.best.data()[at]);
+            for layer in [
+                |t: &OrthoTile| t.count.clone(),
+                |t: &OrthoTile| t.used.clone(),
+                |t: &OrthoTile| t.coverage.clone(),
+            ] {
+                assert_eq!(layer(&to).data()[at], layer(of).data()[at]);
+            }
+            assert_eq!(colour(&to)[2 * at..2 * at + 2], colour(of)[2 * at..2 * at + 2]);
+        }
+    }
+}

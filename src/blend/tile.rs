@@ -1,5 +1,7 @@
 //! [`OrthoTile`]: the finished pixels of a rectangle of the mosaic.
 
+use std::ops::Range;
+
 use super::Settings;
 use crate::geom::{FaceId, PixelRect, Size};
 use crate::image::{Colour, Depth, Image, Samples};
@@ -74,6 +76,50 @@ impl OrthoTile {
             self.used.data_mut()[at] = 0;
             self.coverage.data_mut()[at] = 0;
         }
+    }
+
+    /// Takes over the pixels `k` of `part`, row-major, for which `is_same` holds from another tile of the same rectangle
+    /// and settings: colour and all layers.
+    ///
+    /// # Panics
+    /// If `part` is not inside the tile, or the other tile is another one's.
+    pub fn copy_pixels(&mut self, from: &Self, part: PixelRect, is_same: impl Fn(usize) -> bool) {
+        assert_eq!(self.rect, from.rect, "tiles of one rectangle");
+        let width = part.width();
+        for row in (0..part.area()).step_by(width.max(1)) {
+            let at = self.index(part, row);
+            let mut next = 0;
+            while next < width {
+                let first = next;
+                let same = is_same(row + first);
+                while next < width && is_same(row + next) == same {
+                    next += 1;
+                }
+                if same {
+                    self.copy_run(from, at + first..at + next);
+                }
+            }
+        }
+    }
+
+    /// Takes over pixels that lie side by side.
+    fn copy_run(&mut self, from: &Self, run: Range<usize>) {
+        fn copy<T: Copy>(to: &mut Image<T>, from: &Image<T>, run: &Range<usize>) {
+            let channels = to.channels();
+            let run = run.start * channels..run.end * channels;
+            to.data_mut()[run.clone()].copy_from_slice(&from.data()[run]);
+        }
+        match (&mut self.colour, &from.colour) {
+            (Samples::U8(to), Samples::U8(from)) => copy(to, from, &run),
+            (Samples::U16(to), Samples::U16(from)) => copy(to, from, &run),
+            _ => unreachable!("tiles of one depth"),
+        }
+        copy(&mut self.elevation, &from.elevation, &run);
+        copy(&mut self.face, &from.face, &run);
+        copy(&mut self.count, &from.count, &run);
+        copy(&mut self.used, &from.used, &run);
+        copy(&mut self.coverage, &from.coverage, &run);
+        copy(&mut self.best, &from.best, &run);
     }
 
     /// Index in the tile of pixel `k` of `part`, both row-major.

@@ -261,6 +261,9 @@ pub struct OrthoArgs {
     /// Slab of elevations to draw, metres; inf and -inf allowed [default: the frame's, else all]
     #[arg(long, value_name = "MIN,MAX", help_heading = "Frame", value_parser = values::elevation)]
     pub elevation: Option<[f64; 2]>,
+    /// Sections at these elevations, metres, one mosaic STEM_…m.tif each: the slab of each ends there; they share one grid
+    #[arg(long, value_name = "FROM,TO,STEP", help_heading = "Frame", value_parser = values::sections)]
+    pub sections: Option<[f64; 3]>,
     /// Projected coordinate system in metres, EPSG:n [default: the frame's, else a local one]
     #[arg(long, value_name = "EPSG:n", help_heading = "Frame", value_parser = values::crs)]
     pub crs: Option<String>,

@@ -12,6 +12,7 @@ use super::choice::PhotoChoice;
 use super::frame_choice::{self, FrameChoice};
 use super::job::{self, JobFolder};
 use super::project;
+use super::sections;
 use super::settings::{BlendRule, Interpolation, Outliers, Weights};
 use super::values::LEAST_MEMORY_BYTES;
 use crate::frame::FrameSpec;
@@ -50,6 +51,8 @@ pub struct Config {
     pub masks: Option<PathBuf>,
     /// What the mosaic is drawn on.
     pub frame: FrameChoice,
+    /// The elevations of the sections to make, ascending; empty for an ordinary mosaic.
+    pub sections: Vec<f64>,
     /// Allow a mosaic of more than 10 times the photos' pixels.
     pub force: bool,
     /// How photos are sampled.
@@ -113,7 +116,8 @@ impl Config {
     fn of_merged(args: OrthoArgs, frame: Option<FrameSpec>) -> Result<Self> {
         let out = job::check_name(needed(args.out.clone(), "out")?)?;
         check_surface(&args)?;
-        let frame = frame_choice::frame(&args, frame)?;
+        let sections = args.sections.map(sections::elevations).unwrap_or_default();
+        let frame = sections::over_all(frame_choice::frame(&args, frame)?, &sections)?;
         // `+ 0.0` turns −0 into 0.
         let shift = args.shift.as_ref().map_or(Ok([0.0; 3]), Shift::metres)?.map(|v| v + 0.0);
         let odm_offset = match args.shift {
@@ -126,6 +130,7 @@ impl Config {
             camera_options: CameraOptions { odm_offset, ..camera_options },
             photos: needed(args.photos.clone(), "photos")?,
             frame,
+            sections,
             meshes: args.mesh,
             points: args.points,
             max_edge_m: args.max_edge,
@@ -152,14 +157,23 @@ impl Config {
         })
     }
 
-    /// The file of a layer: `<out stem>.<layer>.tif` beside the mosaic; of [`Meaning::Mosaic`]: the mosaic.
-    pub fn layer_file(&self, layer: Meaning) -> PathBuf {
-        job::layer_file(&self.out, layer)
+    /// The mosaics, one a section from the lowest.
+    pub fn mosaic_files(&self) -> Vec<PathBuf> {
+        if self.sections.is_empty() {
+            return vec![self.out.clone()];
+        }
+        self.sections.iter().map(|&elevation| sections::file(&self.out, elevation)).collect()
     }
 
-    /// The frame written beside the mosaic: `<out stem>.frame.toml`.
-    pub fn frame_file(&self) -> PathBuf {
-        job::frame_file(&self.out)
+    /// All files that are written, the report not counted: of each mosaic its layers, its frame, itself.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let of = |mosaic: PathBuf| {
+            let layers = self.layers.iter().map(|&layer| job::layer_file(&mosaic, layer));
+            let mut files: Vec<_> = layers.chain([job::frame_file(&mosaic)]).collect();
+            files.push(mosaic);
+            files
+        };
+        self.mosaic_files().into_iter().flat_map(of).collect()
     }
 
     /// The settings that reach a pixel or a file, for the report, by their flag's name in snake case.
@@ -186,7 +200,9 @@ impl Config {
             ("compress", json!(self.compression.name())),
             ("tile_size", json!(self.tile_size)),
         ];
-        settings.into_iter().map(|(key, value)| (key.to_string(), value)).collect()
+        let sections = (!self.sections.is_empty()).then(|| ("sections", json!(self.sections)));
+        let all = settings.into_iter().chain(sections);
+        all.map(|(key, value)| (key.to_string(), value)).collect()
     }
 }
 
@@ -278,9 +294,17 @@ mod tests {
         let layers = vec![Meaning::Best, Meaning::Elevation, Meaning::Best];
         let config = Config::build(OrthoArgs { layers, ..args() }).unwrap();
         assert_eq!(config.layers, [Meaning::Elevation, Meaning::Best]);
-        assert_eq!(config.layer_file(Meaning::Best), Path::new("out/façade 1.best.tif"));
-        assert_eq!(config.layer_file(Meaning::Mosaic), config.out);
-        assert_eq!(config.frame_file(), Path::new("out/façade 1.frame.toml"));
+        let files = ["elevation.tif", "best.tif", "frame.toml", "tif"];
+        assert_eq!(config.files(), files.map(|end| PathBuf::from(format!("out/façade 1.{end}"))));
+        let sections = Some([-1.0, 0.0, 1.0]);
+        let config = Config::build(OrthoArgs { sections, layers: vec![Meaning::Best], ..args() });
+        let files = ["-1m.best.tif", "-1m.frame.toml", "-1m.tif"].into_iter().chain([
+            "0m.best.tif",
+            "0m.frame.toml",
+            "0m.tif",
+        ]);
+        let files: Vec<_> = files.map(|end| PathBuf::from(format!("out/façade 1_{end}"))).collect();
+        assert_eq!(config.unwrap().files(), files);
     }
 
     #[test]

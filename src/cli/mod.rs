@@ -22,6 +22,7 @@ mod picture;
 mod progress;
 mod project;
 mod run;
+mod sections;
 mod settings;
 mod values;
 

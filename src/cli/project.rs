@@ -5,6 +5,7 @@ use std::path::Path;
 use clap::ValueEnum;
 
 use super::args::{CameraArgs, OrthoArgs};
+use super::sections;
 use super::settings;
 use super::values;
 use crate::frame::FrameSpec;
@@ -68,6 +69,7 @@ fn checked(path: &Path, project: Project) -> Result<OrthoArgs> {
         pixel_size: keys.check("pixel_size", project.pixel_size, values::check_positive)?,
         extent: keys.check("extent", project.extent, values::check_extent)?,
         elevation: keys.check("elevation", project.elevation, values::check_elevation)?,
+        sections: keys.check("sections", project.sections, sections::check)?,
         crs: keys.check("crs", project.crs.as_deref(), values::crs)?,
         force: project.force.unwrap_or(false),
         interpolation: keys.word("interpolation", project.interpolation.as_deref())?,
@@ -142,6 +144,7 @@ fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
         pixel_size: flags.pixel_size.or(below.pixel_size),
         extent: flags.extent.or(below.extent),
         elevation: flags.elevation.or(below.elevation),
+        sections: flags.sections.or(below.sections),
         crs: flags.crs.or(below.crs),
         force: flags.force || below.force,
         interpolation: flags.interpolation.or(below.interpolation),
@@ -230,6 +233,8 @@ mod tests {
             ("extent = [0, 0, 0, 1]", "extent", "U0 less than U1"),
             ("elevation = [1, 1]", "elevation", "MIN less than MAX"),
             ("elevation = [nan, 1]", "elevation", "MIN less than MAX"),
+            ("sections = [1, 0, 1]", "sections", "not above TO"),
+            ("sections = [0, 1, 1e-4]", "sections", "at most 1000"),
             ("threads = 0", "threads", "1 to"),
             ("beta = -1.0", "beta", "at least 0"),
             ("crs = \"32634\"", "crs", "EPSG:"),

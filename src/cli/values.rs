@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+use super::sections;
 use crate::frame::Plane;
 use crate::input::{AngleUnit, CameraFormat, Shift, TableLens};
 use crate::output::{Compression, Meaning};
@@ -59,6 +60,11 @@ pub(super) fn elevation(text: &str) -> Parsed<[f64; 2]> {
 pub(super) fn check_elevation(slab: [f64; 2]) -> Parsed<[f64; 2]> {
     ordered(slab[0], slab[1], "MIN less than MAX")?;
     Ok(slab)
+}
+
+/// `FROM,TO,STEP`, metres.
+pub(super) fn sections(text: &str) -> Parsed<[f64; 3]> {
+    sections::check(numbers(text)?)
 }
 
 /// `X,Y,Z`, metres, or the text file of an ODM project.

@@ -52,6 +52,8 @@ pub struct Project {
     pub extent: Option<[f64; 4]>,
     /// `[min, max]`, metres, perhaps infinite.
     pub elevation: Option<[f64; 2]>,
+    /// `sections`: FROM, TO, STEP, metres.
+    pub sections: Option<[f64; 3]>,
     /// Patterns of photos to use.
     pub include: Vec<String>,
     /// Patterns of photos not to use.
@@ -120,6 +122,7 @@ struct ProjectTable {
     pixel_size: Option<f64>,
     extent: Option<[f64; 4]>,
     elevation: Option<[f64; 2]>,
+    sections: Option<[f64; 3]>,
     #[serde(default)]
     include: Vec<String>,
     #[serde(default)]
@@ -190,6 +193,7 @@ impl ProjectTable {
             pixel_size: self.pixel_size,
             extent: self.extent,
             elevation: self.elevation,
+            sections: self.sections,
             include: self.include,
             exclude: self.exclude,
             masks: at(self.masks),
@@ -247,6 +251,7 @@ up = [0, 0, 1]
 pixel_size = 0.002
 extent = [0, 0, 1.5, 2]
 elevation = [-inf, 3]
+sections = [-1, 2, 0.5]
 include = ["west/*"]
 exclude = ["*_blur.jpg", "x"]
 masks = "masks"
@@ -299,6 +304,7 @@ v_axis = [0, 0, 1]
             pixel_size: Some(0.002),
             extent: Some([0.0, 0.0, 1.5, 2.0]),
             elevation: Some([f64::NEG_INFINITY, 3.0]),
+            sections: Some([-1.0, 2.0, 0.5]),
             include: vec!["west/*".into()],
             exclude: vec!["*_blur.jpg".into(), "x".into()],
             masks: at("masks"),

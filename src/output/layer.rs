@@ -39,6 +39,14 @@ pub struct Layer {
     items: Vec<(String, String)>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     profile: Option<IccProfile>,
+    #[serde(default, skip_serializing_if = "is_first")]
+    section: u16,
+}
+
+/// Whether a section is the first: a job of one section does not state it.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_first(section: &u16) -> bool {
+    *section == 0
 }
 
 impl Meaning {
@@ -93,7 +101,14 @@ impl Layer {
             Colour::Grey => 2,
             Colour::Rgb => 4,
         };
-        Self { meaning: Meaning::Mosaic, sample, channels, items: Vec::new(), profile: None }
+        Self {
+            meaning: Meaning::Mosaic,
+            sample,
+            channels,
+            items: Vec::new(),
+            profile: None,
+            section: 0,
+        }
     }
 
     /// The layer of a meaning with one channel, or `None` for the mosaic, which needs colour and depth.
@@ -105,7 +120,7 @@ impl Layer {
             Meaning::Count | Meaning::Used | Meaning::Coverage => SampleType::U8,
             Meaning::Best => SampleType::U16,
         };
-        Some(Self { meaning, sample, channels: 1, items: Vec::new(), profile: None })
+        Some(Self { meaning, sample, channels: 1, items: Vec::new(), profile: None, section: 0 })
     }
 
     /// The layer with one more metadata item; the order of items is kept.
@@ -120,6 +135,18 @@ impl Layer {
     pub fn with_profile(mut self, profile: IccProfile) -> Self {
         self.profile = Some(profile);
         self
+    }
+
+    /// The layer as that of another section than the first.
+    #[must_use]
+    pub fn of_section(mut self, section: u16) -> Self {
+        self.section = section;
+        self
+    }
+
+    /// The section that it belongs to; 0 for a mosaic that is not one of several sections.
+    pub fn section(&self) -> u16 {
+        self.section
     }
 
     /// The bytes of the ICC colour profile.
@@ -183,6 +210,12 @@ impl Layer {
                     && matches!(self.channels, 2 | 4)
             }
         }
+    }
+
+    /// Whether a tile of equal pixels is the same bytes in the other layer.
+    pub fn is_like(&self, other: &Self) -> bool {
+        let of = |layer: &Self| (layer.meaning, layer.sample, layer.channels);
+        of(self) == of(other)
     }
 
     /// Whether a raster has this layer's sample type and channels.

@@ -111,6 +111,18 @@ impl Raster {
         if let Self::F32(i) = self { Some(i) } else { None }
     }
 
+    /// Whether the other has the same pixels, bit by bit: not a number is the same as itself.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::F32(a), Self::F32(b)) => {
+                let bits = |of: &Image<f32>, k: usize| of.data()[k].to_bits();
+                let alike = a.size() == b.size() && a.channels() == b.channels();
+                alike && (0..a.data().len()).all(|k| bits(a, k) == bits(b, k))
+            }
+            _ => self == other,
+        }
+    }
+
     /// Appends row `y` to `out` as little-endian bytes; every NaN as the one quiet NaN 0x7fc00000, so that equal
     /// pixels are equal bytes.
     ///
@@ -156,4 +168,21 @@ fn canonical(v: f32) -> [u8; 4] {
 
 fn samples<const N: usize, T>(bytes: &[u8], read: impl Fn([u8; N]) -> T) -> Vec<T> {
     bytes.as_chunks::<N>().0.iter().map(|b| read(*b)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rasters_are_the_same_bit_by_bit() {
+        let of =
+            |values: [f32; 2]| Raster::F32(Image::from_data(Size::new(2, 1), 1, values.to_vec()));
+        assert!(of([f32::NAN, 1.0]).is_same(&of([f32::NAN, 1.0])));
+        assert!(!of([0.0, 1.0]).is_same(&of([-0.0, 1.0])));
+        assert!(!of([0.0, 1.0]).is_same(&of([0.0, f32::NAN])));
+        let bytes = |v: u8| Raster::U8(Image::filled(Size::new(2, 1), 1, v));
+        assert!(bytes(3).is_same(&bytes(3)) && !bytes(3).is_same(&bytes(4)));
+        assert!(!bytes(0).is_same(&of([0.0, 0.0])));
+    }
 }

@@ -27,21 +27,31 @@ pub struct Budget {
 pub struct TileDemand {
     /// Side of a tile of the files, pixels.
     pub tile_size: u32,
-    /// Bytes a pixel of all files.
+    /// Bytes a pixel of all files, those of all sections counted.
     pub pixel_bytes: u64,
     /// Overview levels, at most.
     pub levels: u64,
+    /// Sections of the mosaic; 1 for an ordinary one.
+    pub sections: u64,
 }
 
 impl TileDemand {
     /// Bytes a pixel of an [`OrthoTile`](super::OrthoTile) of the greatest depth.
     const ORTHO_BYTES: u64 = 22;
 
+    /// So many sections of what is one here.
+    #[must_use]
+    pub fn times(self, sections: usize) -> Self {
+        let sections = sections as u64;
+        let pixel_bytes = self.pixel_bytes * sections;
+        Self { pixel_bytes, sections: self.sections * sections, ..self }
+    }
+
     /// Memory of finished tiles, bytes: in each thread the tile with all its layers, the layers asked for as rasters
     /// and again as encoded tiles that wait for the disk; and on each level of overviews one tile that is gathered.
     fn bytes(&self, threads: u64) -> u64 {
         let area = u64::from(self.tile_size).pow(2);
-        area * (threads * (Self::ORTHO_BYTES + 2 * self.pixel_bytes)
+        area * (threads * (self.sections * Self::ORTHO_BYTES + 2 * self.pixel_bytes)
             + self.levels * self.pixel_bytes)
     }
 }
@@ -93,6 +103,14 @@ impl Budget {
         })
     }
 
+    /// How many sections to make at a time, at least one: as many as keep finished tiles within half of what is handed
+    /// out, so that the caches stay of use. `one` is what one section takes.
+    pub fn sections_at_once(memory_bytes: u64, threads: usize, one: TileDemand) -> usize {
+        let threads = u64::try_from(threads.max(1)).unwrap_or(u64::MAX);
+        let fitting = (memory_bytes / 5 * 2) / one.bytes(threads).max(1);
+        usize::try_from(fitting).unwrap_or(usize::MAX).max(1)
+    }
+
     /// The shares for a mesh store of `file_bytes`: what it cannot fill goes to the photos.
     #[must_use]
     pub fn with_mesh(self, file_bytes: u64) -> Self {
@@ -105,7 +123,7 @@ impl Budget {
 mod tests {
     use super::*;
 
-    const TILES: TileDemand = TileDemand { tile_size: 512, pixel_bytes: 8, levels: 4 };
+    const TILES: TileDemand = TileDemand { tile_size: 512, pixel_bytes: 8, levels: 4, sections: 1 };
 
     #[test]
     fn what_is_handed_out_while_rendering_stays_below_four_fifths() {
@@ -116,6 +134,18 @@ mod tests {
             assert!(all <= cap / 5 * 4);
             assert!(b.build_bytes <= cap / 5 * 4 && b.decode_bytes <= cap / 5 * 4);
         }
+    }
+
+    #[test]
+    fn as_many_sections_are_made_at_once_as_leave_half_to_the_rest() {
+        for (cap, threads) in [(256_u64 << 20, 1), (512 << 20, 2), (4 << 30, 3), (1 << 30, 64)] {
+            let n = Budget::sections_at_once(cap, threads, TILES);
+            let taken = |n| TILES.times(n).bytes(threads as u64);
+            assert!(n == 1 || taken(n) <= cap / 5 * 2, "{n} of {cap}");
+            assert!(taken(n + 1) > cap / 5 * 2);
+        }
+        assert!(Budget::sections_at_once(512 << 20, 2, TILES) > 5);
+        assert_eq!(TILES.times(3), TileDemand { pixel_bytes: 24, sections: 3, ..TILES });
     }
 
     #[test]

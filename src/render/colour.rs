@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use crate::Result;
-use crate::blend::{OrthoTile, SampleTile, Statistics, blend_into};
+use crate::blend::{OrthoTile, SampleTile};
 use crate::geom::{Bounds2, PixelRect, Size, held_bytes};
 use crate::image::{Image, Samples, Window};
 use crate::sample::{level_of, sample_into, taps_of};
@@ -12,6 +12,7 @@ use crate::visibility::{SUB_BLOCK, ViewTile};
 
 use super::Scene;
 use super::masking::Masking;
+use super::sections::Findings;
 use super::tile::View;
 
 /// Largest window, pixels: points whose taps lie farther apart are sampled in parts. Four photo tiles.
@@ -23,7 +24,7 @@ pub(super) struct Colouring {
     masking: Masking,
     sampler: Sampler,
     samples: SampleTile,
-    pub(super) statistics: Statistics,
+    pub(super) findings: Findings,
 }
 
 impl Colouring {
@@ -32,7 +33,7 @@ impl Colouring {
             masking: Masking::default(),
             sampler: Sampler::default(),
             samples: SampleTile::new(),
-            statistics: Statistics::new(scene.names),
+            findings: Findings::new(scene),
         }
     }
 
@@ -50,12 +51,13 @@ impl Colouring {
             + held_bytes(&sampler.positions)
             + held_bytes(&sampler.sampled)
             + held_bytes(&sampler.colours)
+            + self.findings.memory_bytes()
     }
 
-    /// Stages 3 to 5 of a block: samples of every view, outliers, blend.
+    /// Stages 3 to 5 of a block of a section: samples of every view, outliers, blend.
     pub(super) fn block(
         &mut self,
-        scene: &Scene,
+        (scene, section): (&Scene, usize),
         surface: &SurfaceTile,
         views: &mut [View],
         tile: &mut OrthoTile,
@@ -84,7 +86,7 @@ impl Colouring {
                 let colours = &self.sampler.colours;
                 self.samples.push(photo.index, photo.gain, &view.pixels, colours, &view.weights);
             }
-            blend_into(&scene.blend, &mut self.samples, tile, &mut self.statistics);
+            self.findings.blend(scene, section, surface, &mut self.samples, tile);
         }
         Ok(())
     }

@@ -2,7 +2,8 @@
 //!
 //! In: a [`Scene`] (mesh store, photo store, photos, mosaic, settings) and a rectangle. Out: an
 //! [`OrthoTile`] and what was found about each photo. [`Renderer::tile`] *is* the data path:
-//! surface; for each view visibility; windows, samples; outliers and blend.
+//! surface; for each view visibility; windows, samples; outliers and blend. Of a mosaic in several sections
+//! [`Renderer::section_tiles`] makes all: from the highest down, and of each only what the one above does not show.
 //! Promise: the pixels depend on the scene and the pixel alone, never on the rectangle, the memory or the thread; the
 //! memory of a [`Renderer`] stays within [`Budget::block_bytes`], because a rectangle that would need more is cut in
 //! four. Starts no thread and writes no file.
@@ -11,6 +12,7 @@ mod budget;
 mod colour;
 mod masking;
 mod scene;
+mod sections;
 mod tile;
 
 pub use budget::{Budget, TileDemand};

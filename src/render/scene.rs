@@ -32,8 +32,11 @@ impl ScenePhoto {
 /// All that a tile depends on. Photos are in the order of their index, by which the photo store knows them too.
 #[derive(Debug)]
 pub struct Scene {
-    /// The mosaic, in the mesh store's local frame.
+    /// The mosaic, in the mesh store's local frame; of several sections the highest.
     pub mosaic: LocalMosaic,
+    /// The other sections, from the lowest: the same mosaic, the slab with the same lower end and ever higher upper ends.
+    /// Empty for an ordinary mosaic.
+    pub below: Vec<LocalMosaic>,
     /// The mesh.
     pub mesh: MeshStore,
     /// The photos' pixels.
@@ -51,4 +54,22 @@ pub struct Scene {
     pub names: usize,
     /// The part of the segment before a surface point in which a face does not occlude it.
     pub tolerance: Tolerance,
+}
+
+impl Scene {
+    /// Number of sections; 1 for an ordinary mosaic.
+    pub fn sections(&self) -> usize {
+        self.below.len() + 1
+    }
+
+    /// A section, from the lowest.
+    pub(super) fn section(&self, section: usize) -> &LocalMosaic {
+        self.below.get(section).unwrap_or(&self.mosaic)
+    }
+
+    /// The lowest section whose slab reaches up to an elevation; the highest if none below it does.
+    pub(super) fn lowest_section(&self, elevation: f64) -> u16 {
+        let lower = self.below.partition_point(|section| section.slab()[1] < elevation);
+        u16::try_from(lower).expect("sections are numbered in 16 bits")
+    }
 }

@@ -11,6 +11,7 @@ use crate::visibility::{
 
 use super::Scene;
 use super::colour::Colouring;
+use super::sections::Above;
 
 /// Largest side of a block, pixels: larger ones save little, because shafts overlap only at their borders.
 const BLOCK: i64 = 256;
@@ -54,6 +55,7 @@ pub struct Renderer<'a> {
     occlusion: OcclusionScratch,
     views: Vec<View>,
     colouring: Colouring,
+    above: Above,
 }
 
 impl<'a> Renderer<'a> {
@@ -71,20 +73,30 @@ impl<'a> Renderer<'a> {
             occlusion: OcclusionScratch::default(),
             views: Vec::new(),
             colouring: Colouring::new(scene),
+            above: Above::default(),
         }
     }
 
-    /// Renders `rect` of the mosaic.
+    /// Renders `rect` of the mosaic, of several sections the highest.
     ///
     /// # Errors
     /// Those of reading the stores.
+    #[expect(clippy::missing_panics_doc, reason = "it cannot fail, as the expectation says")]
     pub fn tile(&mut self, rect: PixelRect) -> Result<OrthoTile> {
-        let mut tile = OrthoTile::new(rect, &self.scene.blend);
+        Ok(self.section_tiles(rect)?.pop().expect("at least one section"))
+    }
+
+    /// Renders `rect` of every section, from the lowest; of an ordinary mosaic one tile.
+    ///
+    /// # Errors
+    /// Those of reading the stores.
+    pub fn section_tiles(&mut self, rect: PixelRect) -> Result<Vec<OrthoTile>> {
+        let mut tiles = vec![OrthoTile::new(rect, &self.scene.blend); self.scene.sections()];
         for block in rect.blocks(BLOCK) {
-            self.block(block, &mut tile)?;
+            self.block(block, &mut tiles)?;
         }
-        self.colouring.statistics.count_tile(&tile);
-        Ok(tile)
+        self.colouring.findings.count_tiles(&tiles);
+        Ok(tiles)
     }
 
     /// Memory held, bytes: it never shrinks, so this is its peak.
@@ -101,17 +113,20 @@ impl<'a> Renderer<'a> {
             + held_bytes(&self.column)
             + held_bytes(&self.shaft)
             + held_bytes(&self.visits)
+            + self.above.memory_bytes()
             + views.sum::<u64>()
     }
 
-    /// What was found since the last call.
-    pub fn take_statistics(&mut self) -> Statistics {
-        std::mem::replace(&mut self.colouring.statistics, Statistics::new(self.scene.names))
+    /// What was found since the last call, one a section, from the lowest.
+    pub fn take_statistics(&mut self) -> Vec<Statistics> {
+        self.colouring.findings.take(self.scene)
     }
 
-    /// Renders a block, or its quarters where it would need more memory than there is.
-    fn block(&mut self, rect: PixelRect, tile: &mut OrthoTile) -> Result<()> {
-        self.find_column(rect);
+    /// Renders a block of all sections, or its quarters where it would need more memory than there is. No section needs
+    /// more than the highest.
+    fn block(&mut self, rect: PixelRect, tiles: &mut [OrthoTile]) -> Result<()> {
+        let highest = tiles.len() - 1;
+        self.find_column(rect, highest);
         if self.column.is_empty() {
             return Ok(());
         }
@@ -121,16 +136,55 @@ impl<'a> Renderer<'a> {
             let half = ((side / 2) + 15) / 16 * 16;
             return rect
                 .blocks(half.min(side - 1))
-                .try_for_each(|quarter| self.block(quarter, tile));
+                .try_for_each(|quarter| self.block(quarter, tiles));
         }
-        self.surface()?;
-        let views = self.visibility()?;
-        self.colouring.block(self.scene, self.surface.tile(), &mut self.views[..views], tile)
+        self.load_surface(highest)?;
+        self.surface.finish(&self.scene.mosaic);
+        self.colour(highest, &mut tiles[highest])?;
+        if highest > 0 && !self.surface.tile().is_empty() {
+            self.above.start(self.surface.tile());
+            for section in (0..highest).rev() {
+                let (below, above) = tiles.split_at_mut(section + 1);
+                self.lower_section(section, &mut below[section], &above[0])?;
+            }
+        }
+        Ok(())
     }
 
-    /// Starts the surface of `rect`, and finds the partitions that it may show.
-    fn find_column(&mut self, rect: PixelRect) {
-        let mosaic = &self.scene.mosaic;
+    /// Renders the block that the section above was rendered of: what that shows within this section's slab is the same
+    /// here, the rest is rendered.
+    fn lower_section(
+        &mut self,
+        section: usize,
+        tile: &mut OrthoTile,
+        above: &OrthoTile,
+    ) -> Result<()> {
+        let mosaic = self.scene.section(section);
+        let [_, greatest] = mosaic.slab();
+        tile.copy_pixels(above, self.above.rect(), |k| !self.above.is_open(k, greatest));
+        let Some(open) = self.above.open_bounds(greatest) else { return Ok(()) };
+        self.find_column(open, section);
+        self.load_surface(section)?;
+        let above = &self.above;
+        self.surface.retain(|k| above.is_open(above.pixel(open, k), greatest));
+        self.surface.finish(mosaic);
+        if !self.surface.tile().is_empty() {
+            self.colour(section, tile)?;
+        }
+        self.above.enter(self.surface.tile(), greatest);
+        Ok(())
+    }
+
+    /// Stages 2 to 5 of a block of a section, whose surface is known.
+    fn colour(&mut self, section: usize, tile: &mut OrthoTile) -> Result<()> {
+        let views = self.visibility()?;
+        let (surface, views) = (self.surface.tile(), &mut self.views[..views]);
+        self.colouring.block((self.scene, section), surface, views, tile)
+    }
+
+    /// Starts the surface of `rect` in a section, and finds the partitions that it may show.
+    fn find_column(&mut self, rect: PixelRect, section: usize) {
+        let mosaic = self.scene.section(section);
         self.column.clear();
         self.surface.start(mosaic, rect);
         let block = self.surface.block();
@@ -153,13 +207,13 @@ impl<'a> Renderer<'a> {
         needed + needed / 2
     }
 
-    /// Stage 1: which face each pixel shows.
-    fn surface(&mut self) -> Result<()> {
+    /// Stage 1: which face each pixel shows; the surface is still to be finished.
+    fn load_surface(&mut self, section: usize) -> Result<()> {
+        let mosaic = self.scene.section(section);
         for &id in &self.column {
             self.scene.mesh.load(id, &mut self.partition)?;
-            self.surface.add(&self.scene.mosaic, &self.partition.block());
+            self.surface.add(mosaic, &self.partition.block());
         }
-        self.surface.finish(&self.scene.mosaic);
         Ok(())
     }
 

@@ -18,10 +18,13 @@ pub struct Report {
     pub frame: FrameSummary,
     /// The settings that reach a pixel or a file, by their flag's name in snake case.
     pub settings: Map<String, Value>,
-    /// What the mosaic's pixels show.
+    /// What the mosaic's pixels show; of several sections those of the highest.
     pub coverage: Coverage,
-    /// Each photo that was used, in id order.
+    /// Each photo that was used, in id order; of several sections in the highest.
     pub photos: Vec<PhotoReport>,
+    /// Each section, from the lowest; left out of an ordinary mosaic's report.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sections: Vec<SectionReport>,
     /// What the user should know, but what kept nothing from being done.
     pub warnings: Vec<String>,
     /// The files written, layers first.
@@ -164,6 +167,20 @@ impl Coverage {
     }
 }
 
+/// One of several sections.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SectionReport {
+    /// Its mosaic's file, as it was given.
+    pub file: String,
+    /// The elevation at which it ends, metres.
+    pub elevation: f64,
+    /// What its pixels show.
+    pub coverage: Coverage,
+    /// Each photo that was used, in id order: what became of its samples in this section, those that it shares with
+    /// other sections counted.
+    pub photos: Vec<PhotoReport>,
+}
+
 /// A file that was written.
 #[derive(Clone, Debug, Serialize)]
 pub struct OutputFile {
@@ -241,6 +258,7 @@ mod tests {
             settings: Map::new(),
             coverage: Coverage::new(100, &[5, 10, 20, 30, 15], 7),
             photos: vec![PhotoReport::new(3, "b/ü 1.jpg", &tally, 255.0)],
+            sections: Vec::new(),
             warnings: Vec::new(),
             outputs: vec![OutputFile { file: "o.tif".into(), bytes: 12 }],
             run: Run::default(),
@@ -263,6 +281,7 @@ mod tests {
         assert_eq!(json["photos"][0]["name"], "b/ü 1.jpg");
         assert_eq!(json["photos"][0]["mean_residual"], 1.0);
         assert_eq!(json["frame"]["elevation"], serde_json::json!([null, 2.0]));
+        assert!(json.get("sections").is_none());
         let mut later = report();
         later.run.seconds = 12.0;
         let mut later: Value = serde_json::from_str(&later.to_json()).unwrap();

@@ -13,7 +13,7 @@ mod summary;
 
 pub use document::{
     CameraInput, Coverage, FrameSummary, Inputs, LeftOut, MemoryUse, MeshInput, OutputFile,
-    PhotoPixels, Report, Run, TinInput,
+    PhotoPixels, Report, Run, SectionReport, TinInput,
 };
 pub use memory::{peak_resident_bytes, physical_bytes, resident_bytes};
 pub use photos::{PhotoReport, PhotoTally, suspicious};

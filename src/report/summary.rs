@@ -1,6 +1,6 @@
 //! The report's short form for the terminal.
 
-use super::document::Report;
+use super::document::{Coverage, Report, SectionReport};
 use super::photos::suspicious;
 
 /// Photos named one by one in the summary; the JSON names them all.
@@ -10,7 +10,11 @@ impl Report {
     /// A few lines for a person: what was made, how well it is covered, which photos were left out or are
     /// suspicious, and what it took. Each line ends in a newline.
     pub fn summary(&self) -> String {
-        let mut lines = vec![self.mosaic_line(), self.coverage_line()];
+        let mut lines = vec![self.mosaic_line()];
+        if self.sections.is_empty() {
+            lines.push(coverage_line(&self.coverage));
+        }
+        lines.extend(self.section_lines());
         lines.extend(self.mesh_line());
         lines.extend(self.left_out_lines());
         lines.extend(self.suspicious_lines());
@@ -24,6 +28,9 @@ impl Report {
         let side = frame.pixel_size.map(|p| format!(" of {p} m")).unwrap_or_default();
         let size = format!("{} × {} pixels{side}", frame.width, frame.height);
         match self.outputs.last() {
+            _ if !self.sections.is_empty() => {
+                format!("{} sections of {size}", self.sections.len())
+            }
             Some(mosaic) => {
                 format!("{}: {size}, {} MiB", mosaic.file, mosaic.bytes.div_ceil(1 << 20))
             }
@@ -31,18 +38,17 @@ impl Report {
         }
     }
 
-    fn coverage_line(&self) -> String {
-        let c = &self.coverage;
-        format!(
-            "surface on {:.1} % of the pixels; seen by no photo {:.1} %, one {:.1} %, two {:.1} %, more {:.1} %; \
-             {:.1} % of the samples rejected",
-            c.percent(c.with_surface),
-            c.percent(c.seen_by_none),
-            c.percent(c.seen_by_one),
-            c.percent(c.seen_by_two),
-            c.percent(c.seen_by_more),
-            100.0 * c.rejected_share,
-        )
+    /// The sections, and those that show nothing.
+    fn section_lines(&self) -> Vec<String> {
+        let (shown, empty): (Vec<_>, Vec<_>) =
+            self.sections.iter().partition(|section| section.coverage.with_surface > 0);
+        let line = |s: &&SectionReport| format!("  {}: {}", s.file, coverage_line(&s.coverage));
+        let mut lines: Vec<_> = shown.iter().take(MOST_NAMED).map(line).collect();
+        lines.extend(and_more(shown.len()));
+        let nothing = |s: &&SectionReport| format!("  {}: no surface, all undefined", s.file);
+        lines.extend(empty.iter().take(MOST_NAMED).map(nothing));
+        lines.extend(and_more(empty.len()));
+        lines
     }
 
     fn mesh_line(&self) -> Option<String> {
@@ -81,6 +87,19 @@ impl Report {
         let memory = peak.map(|b| format!(", peak memory {} MiB", b.div_ceil(1 << 20)));
         format!("{:.1} s{}", self.run.seconds, memory.unwrap_or_default())
     }
+}
+
+fn coverage_line(c: &Coverage) -> String {
+    format!(
+        "surface on {:.1} % of the pixels; seen by no photo {:.1} %, one {:.1} %, two {:.1} %, more {:.1} %; \
+         {:.1} % of the samples rejected",
+        c.percent(c.with_surface),
+        c.percent(c.seen_by_none),
+        c.percent(c.seen_by_one),
+        c.percent(c.seen_by_two),
+        c.percent(c.seen_by_more),
+        100.0 * c.rejected_share,
+    )
 }
 
 fn and_more(count: usize) -> Option<String> {
@@ -124,6 +143,7 @@ mod tests {
             settings: serde_json::Map::new(),
             coverage: Coverage::new(1200, &[0, 600], 0),
             photos: vec![photo(0, 3), photo(1, 3), photo(2, 30), photo(3, 3)],
+            sections: Vec::new(),
             warnings: Vec::new(),
             outputs: vec![OutputFile { file: "o.tif".into(), bytes: 3 << 20 }],
             run: Run { seconds: 1.25, peak_memory_bytes: Some(5 << 20), ..Default::default() },
@@ -147,6 +167,22 @@ mod tests {
         );
         assert_eq!(text.matches("suspicious").count(), 1);
         assert!(text.ends_with("1.2 s, peak memory 5 MiB\n"), "{text}");
+    }
+
+    #[test]
+    fn sections_are_told_one_by_one_and_those_that_show_nothing_at_the_end() {
+        let mut whole = report(0);
+        let section = |(file, with): (&str, u64)| SectionReport {
+            file: file.into(),
+            elevation: 1.0,
+            coverage: Coverage::new(1200, &[0, with], 0),
+            photos: Vec::new(),
+        };
+        whole.sections = [("a_0m.tif", 0), ("a_1m.tif", 600)].map(section).to_vec();
+        let text = whole.summary();
+        let start = "2 sections of 40 × 30 pixels of 0.002 m\n  a_1m.tif: surface on 50.0 % of";
+        assert!(text.starts_with(start), "{text}");
+        assert!(text.contains("\n  a_0m.tif: no surface, all undefined\n4 of 4 photos"), "{text}");
     }
 
     #[test]

@@ -148,6 +148,16 @@ impl SurfaceBuilder {
         })
     }
 
+    /// Takes the surface away from the pixels of the tile for which `is_kept` says no; before [`Self::finish`].
+    pub fn retain(&mut self, is_kept: impl Fn(usize) -> bool) {
+        let SurfaceTile { elevations, faces_at, .. } = &mut self.tile;
+        for (k, (elevation, face)) in elevations.iter_mut().zip(faces_at).enumerate() {
+            if !is_kept(k) {
+                (*elevation, *face) = (f64::NAN, SurfaceTile::NO_FACE);
+            }
+        }
+    }
+
     /// Memory held, bytes.
     pub fn memory_bytes(&self) -> u64 {
         let tile = &self.tile;

@@ -96,6 +96,31 @@ fn the_normal_points_to_the_viewer_for_either_winding_and_points_lie_on_the_face
     }
 }
 
+#[test]
+fn a_pixel_that_is_not_kept_has_no_surface_and_a_face_shown_nowhere_else_is_forgotten() {
+    let (m, rect) = (mosaic(ALL), PixelRect::new(0, 0, 8, 8));
+    let mut builder = SurfaceBuilder::default();
+    builder.start(&m, rect);
+    // The second covers the pixels whose column and row are small alone.
+    let small = [DVec3::new(-1.0, 9.0, 3.0), DVec3::new(3.0, 9.0, 3.0), DVec3::new(-1.0, 5.0, 3.0)];
+    for (corners, id) in [(sheet(1.0), 0), (small, 1)] {
+        let block = FaceBlock {
+            positions: &corners,
+            triangles: &[[0, 1, 2]],
+            ids: &[FaceId(id)],
+            bounds: Bounds3::of(corners),
+        };
+        builder.add(&m, &block);
+    }
+    builder.retain(|k| k >= 32);
+    let tile = builder.finish(&m);
+    assert_eq!((tile.faces.len(), tile.vertices.len()), (1, 3));
+    for (k, id) in ids(tile).into_iter().enumerate() {
+        assert_eq!(id, (k >= 32).then_some(0));
+        assert_eq!(tile.points.at(k).is_nan(), k < 32);
+    }
+}
+
 proptest! {
     #[test]
     fn a_pixel_alone_equals_the_same_pixel_of_the_whole(

@@ -134,7 +134,7 @@ fn tile_sizes_do_not_change_a_pixel_as_the_tiff_crate_reads_them() {
 }
 
 /// The bits of every sample.
-fn read(path: &Path) -> Vec<u32> {
+pub(super) fn read(path: &Path) -> Vec<u32> {
     use tiff::decoder::DecodingResult::{F32, U8, U16, U32};
     let file = std::io::BufReader::new(fs::File::open(path).unwrap());
     match tiff::decoder::Decoder::new(file).unwrap().read_image().unwrap() {

@@ -93,6 +93,11 @@ fn from_inside(placement: &Placement) -> Vec<Shot> {
     around(12).map(shot).collect()
 }
 
+/// The tower, seen from outside.
+pub(super) fn tower_from_outside() -> TestScene {
+    test_scene(from_outside)
+}
+
 /// A pixel's line: from a point along a direction.
 type Line = (DVec3, DVec3);
 

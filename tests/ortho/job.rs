@@ -63,6 +63,7 @@ pub(super) fn open_reading(
     let photos = cameras.photos.iter().zip(0..);
     Scene {
         mosaic: test.mosaic().unwrap().local(origin),
+        below: Vec::new(),
         photos: photos.map(|(p, k)| ScenePhoto::new(k, p, origin, 1.0)).collect(),
         mesh,
         pixels: PhotoStore::new(entries, 16 << 20).unwrap(),

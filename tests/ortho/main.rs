@@ -14,4 +14,5 @@ mod known_answer;
 mod las_files;
 mod memory;
 mod points;
+mod sections;
 mod views;

@@ -5,6 +5,7 @@ use std::fs;
 use super::super::args::{DemoArgs, OrthoArgs};
 use super::super::config::{Config, all_processors};
 use super::super::console;
+use super::super::job::layer_file;
 use super::super::ortho::{self, ExitStatus};
 use super::{answer, preview};
 use crate::geom::Size;
@@ -54,10 +55,10 @@ pub(in crate::cli) fn run(args: &DemoArgs) -> Result<ExitStatus> {
     for layer in Meaning::ALL {
         let to = previews.join(layer.name()).with_extension("png");
         let from = if layer == Meaning::Coverage { Meaning::Count } else { layer };
-        preview::draw(&config.layer_file(from), layer, &to)?;
+        preview::draw(&layer_file(&config.out, from), layer, &to)?;
     }
     say(&format!("pictures to look at: {}", previews.display()));
-    let elevation = config.layer_file(Meaning::Elevation);
+    let elevation = layer_file(&config.out, Meaning::Elevation);
     let answer = pool.install(|| answer::compare(&config.out, &elevation, &set))?;
     say(answer.text().trim_end());
     Ok(status)

@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use super::super::config::all_processors;
 use super::super::interrupt;
 use super::super::job_args::AssembleArgs;
-use super::super::ortho::{ExitStatus, Outcome, on_threads};
+use super::super::ortho::{ExitStatus, Outcome, found, on_threads};
 use super::files::{Files, check_name, check_writable};
 use super::folder::JobFolder;
 use super::record::JobRecord;
 use crate::batch::{Assembly, Parts, assemble, join, statistics};
+use crate::frame::{Mosaic, frame_toml};
 use crate::output::{BigTiff, write_atomically};
 use crate::report::{Run, StageLog, peak_resident_bytes};
 use crate::{Error, Result};
@@ -26,7 +27,7 @@ pub(in crate::cli) fn run(args: &AssembleArgs) -> Result<ExitStatus> {
     let folder = JobFolder::new(&args.job);
     let record = JobRecord::load(&folder)?;
     let out = check_name(args.out.clone())?;
-    let files = Files::of(&record.manifest, &out);
+    let files = Files::of(&record, &out);
     check_writable(files.all().chain(args.report.as_deref()))?;
     let parts = folder.parts()?;
     refuse_missing(&record, &parts)?;
@@ -35,7 +36,8 @@ pub(in crate::cli) fn run(args: &AssembleArgs) -> Result<ExitStatus> {
         let mut log = StageLog::start();
         let finished = parts.finished(&record.manifest)?;
         let all = log.run("overviews", || join(&record.manifest, &finished, &parts.joined()))?;
-        log.run("files", || assemble_files(&record, &all, &files))?;
+        let mosaic = record.mosaic(&folder)?;
+        log.run("files", || assemble_files((&record, &mosaic), &all, &files))?;
         let statistics = statistics(&record.manifest, &all, record.names.len())?;
         let run = Run {
             threads,
@@ -44,8 +46,8 @@ pub(in crate::cli) fn run(args: &AssembleArgs) -> Result<ExitStatus> {
             peak_memory_bytes: peak_resident_bytes(),
             ..Run::default()
         };
-        let mosaic = record.mosaic(&folder)?;
-        let outcome = Outcome { record: &record, mosaic: &mosaic, statistics, files: &files, run };
+        let found = found(&record, statistics, &files);
+        let outcome = Outcome { record: &record, mosaic: &mosaic, found, run };
         outcome.report(args.report.as_deref(), args.quiet)?;
         parts.sweep()?;
         if args.remove {
@@ -55,16 +57,18 @@ pub(in crate::cli) fn run(args: &AssembleArgs) -> Result<ExitStatus> {
     })
 }
 
-/// Assembles the files of a job: the frame and the layers first, the mosaic last.
+/// Assembles the files of a job: frames and layers first, the mosaics last.
 ///
 /// # Errors
 /// If tiles are missing, a part is damaged, or the disk refuses.
 pub(in crate::cli) fn assemble_files(
-    record: &JobRecord,
+    (record, mosaic): (&JobRecord, &Mosaic),
     parts: &[PathBuf],
     files: &Files,
 ) -> Result<()> {
-    write_atomically(&files.frame, record.frame.as_bytes())?;
+    for (section, file) in record.section_mosaics(mosaic).iter().zip(&files.frames) {
+        write_atomically(file, frame_toml(section).as_bytes())?;
+    }
     let (manifest, outputs) = (&record.manifest, &files.layers);
     let assembly = Assembly { manifest, parts, outputs, big_tiff: BigTiff::IfNeeded };
     assemble(&assembly, &interrupt::check)

@@ -1,30 +1,37 @@
-//! [`Files`]: the names of the mosaic, its layers and its frame.
+//! [`Files`]: the names of a mosaic, or of each section, of its layers and its frame.
 
 use std::path::{Path, PathBuf};
 
-use crate::batch::Manifest;
-use crate::output::Meaning;
+use super::super::sections;
+use super::record::JobRecord;
+use crate::output::{Layer, Meaning};
 use crate::{Error, Result};
 
 /// Where the files of a job go.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::cli) struct Files {
-    /// One for each layer of the manifest, in its order, the mosaic first.
+    /// One for each layer of the manifest, in its order, of each section the mosaic first.
     pub(in crate::cli) layers: Vec<PathBuf>,
-    /// The frame.
-    pub(in crate::cli) frame: PathBuf,
+    /// The frame of each section.
+    pub(in crate::cli) frames: Vec<PathBuf>,
 }
 
 impl Files {
-    /// The files of a job whose mosaic is `out`.
-    pub(in crate::cli) fn of(manifest: &Manifest, out: &Path) -> Self {
-        let layers = manifest.layers().iter().map(|l| layer_file(out, l.meaning())).collect();
-        Self { layers, frame: frame_file(out) }
+    /// The files of a job whose mosaic is `out`, or those of its sections beside it.
+    pub(in crate::cli) fn of(record: &JobRecord, out: &Path) -> Self {
+        let mosaic = |section: usize| match record.sections.get(section) {
+            Some(&elevation) => sections::file(out, elevation),
+            None => out.to_path_buf(),
+        };
+        let layer = |l: &Layer| layer_file(&mosaic(l.section().into()), l.meaning());
+        let layers = record.manifest.layers().iter().map(layer).collect();
+        let frame = |section| frame_file(&mosaic(section));
+        Self { layers, frames: (0..record.manifest.sections()).map(frame).collect() }
     }
 
     /// All of them.
     pub(in crate::cli) fn all(&self) -> impl Iterator<Item = &Path> {
-        self.layers.iter().chain([&self.frame]).map(PathBuf::as_path)
+        self.layers.iter().chain(&self.frames).map(PathBuf::as_path)
     }
 }
 

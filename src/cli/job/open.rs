@@ -42,7 +42,8 @@ pub(in crate::cli) fn open(
 ) -> Result<(Job, Budget)> {
     let Circumstances { memory_bytes, quiet, .. } = *circumstances;
     let (format, layers) = (record.manifest.format(), record.manifest.layers());
-    let demand = tile_demand(format.tile_size, layers.iter().cloned());
+    let sections = record.manifest.sections();
+    let demand = tile_demand(format.tile_size, layers.iter().cloned(), sections);
     let budget = Budget::new(memory_bytes, rayon::current_num_threads(), demand)?;
     record.mesh.files.iter().try_for_each(|file| check_mesh(folder, file))?;
     let work = folder.resolve(&record.stores);
@@ -73,7 +74,8 @@ pub(in crate::cli) fn open(
     let pixels = shelf.pixels(entries)?;
     let photos = wanted.into_iter().map(|photo| photo.photo).collect();
     let stores = Stores { mesh, pixels, masks, photos, left_out: Vec::new() };
-    let scene = scene(&mosaic, &record.rendering, stores, record.names.len())?;
+    let scene =
+        scene(&record.section_mosaics(&mosaic), &record.rendering, stores, record.names.len())?;
     Ok((Job { folder: folder.clone(), record, mosaic, scene }, budget))
 }
 

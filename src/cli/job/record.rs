@@ -35,6 +35,9 @@ pub(in crate::cli) struct JobRecord {
     pub(in crate::cli) batches: Vec<u64>,
     /// The frame, as in `<stem>.frame.toml`.
     pub(in crate::cli) frame: String,
+    /// The elevations at which sections end, ascending; none for an ordinary mosaic.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(in crate::cli) sections: Vec<f64>,
     /// The camera of a perspective view, as it is drawn.
     pub(in crate::cli) view: Option<CameraRecord>,
     pub(in crate::cli) rendering: Rendering,
@@ -137,6 +140,11 @@ impl JobRecord {
             return Err(corrupt("key `groundel`", &expected, found));
         }
         record.manifest.check(&path)?;
+        let (sections, layers) = (record.sections.len(), record.manifest.sections());
+        if layers != sections.max(1) || !record.sections.is_sorted_by(|a, b| a < b) {
+            let expected = format!("elevations of {layers} sections, ascending");
+            return Err(corrupt("key `sections`", &expected, format!("{:?}", record.sections)));
+        }
         let tiles = record.manifest.pyramid().tile_count(0) as u64;
         let starts = &record.batches;
         let is_cut = starts.first() == Some(&0)
@@ -198,6 +206,11 @@ impl JobRecord {
         }
     }
 
+    /// The mosaic of each section, from the lowest; `mosaic` itself if there are no sections.
+    pub(in crate::cli) fn section_mosaics(&self, mosaic: &Mosaic) -> Vec<Mosaic> {
+        section_mosaics(mosaic, &self.sections)
+    }
+
     /// The photos that are used, by id.
     ///
     /// # Errors
@@ -225,4 +238,13 @@ impl JobRecord {
         let ends = starts().skip(1).chain([order.len()]);
         starts().zip(ends).map(|(from, to)| order[from..to].to_vec()).collect()
     }
+}
+
+/// `mosaic` cut at each of some elevations; as it is if there are none.
+pub(in crate::cli) fn section_mosaics(mosaic: &Mosaic, sections: &[f64]) -> Vec<Mosaic> {
+    if sections.is_empty() {
+        return vec![mosaic.clone()];
+    }
+    let cut = |&elevation: &f64| Mosaic { slab: [mosaic.slab[0], elevation], ..mosaic.clone() };
+    sections.iter().map(cut).collect()
 }

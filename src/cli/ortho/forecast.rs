@@ -7,6 +7,7 @@ use std::path::Path;
 use super::super::config::Config;
 use super::super::console;
 use super::super::frame_choice::FrameChoice;
+use super::super::job::section_mosaics;
 use super::disk::Room;
 use super::grid;
 use super::inputs::Inputs;
@@ -63,6 +64,8 @@ const SURFACE_BYTES: f64 = 110.0;
 const VIEW_BYTES: f64 = 52.0;
 /// Finished tiles of a thread on their way to the disk, while that is fast enough, bytes.
 const FINISHED_BYTES: u64 = 2 << 20;
+/// Sections whose surface is surveyed, at most.
+const SURVEYED_SECTIONS: usize = 8;
 /// Bytes beside the tiles: headers, names of photos; for each file.
 const FILE_BYTES: u64 = 16 << 10;
 
@@ -120,7 +123,8 @@ impl Outlook {
         let work = survey.total();
         let mosaic_pixels = scene.mosaic.size.area();
         let mut demand = JobDemand { mosaic_pixels, work, ..self.demand };
-        demand.output_bytes = output_bytes(config, work.surface_pixels, work.footprint());
+        let surface_pixels = surface_of_all(config, scene, work.surface_pixels)?;
+        demand.output_bytes = output_bytes(config, surface_pixels, work.footprint());
         let needed = || {
             let both = scene.photos.iter().zip(scene.needs);
             both.filter(|(_, need)| need.is_some()).map(|(photo, _)| photo)
@@ -181,6 +185,20 @@ fn store_bytes(photo: &Photo) -> f64 {
     if is_jpeg { INDEX_BYTES } else { STORE_BYTES }
 }
 
+/// Pixels with a surface in all files: of the mosaic, or of all its sections, of which some are surveyed.
+fn surface_of_all(config: &Config, scene: &Scope<'_>, of_one: f64) -> Result<f64> {
+    if config.sections.is_empty() {
+        return Ok(of_one);
+    }
+    let sections = section_mosaics(scene.mosaic, &config.sections);
+    let (mut sum, mut looked_at) = (0.0, 0.0);
+    for section in sections.iter().step_by(sections.len().div_ceil(SURVEYED_SECTIONS)) {
+        sum += Survey::of(scene.mesh, section, &[])?.total().surface_pixels;
+        looked_at += 1.0;
+    }
+    Ok(sum / looked_at * sections.len() as f64)
+}
+
 /// Bytes of all files, for so many pixels with a surface, of `footprint` photo pixels each.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive; saturates")]
 fn output_bytes(config: &Config, pixels: f64, footprint: f64) -> u64 {
@@ -195,7 +213,8 @@ fn output_bytes(config: &Config, pixels: f64, footprint: f64) -> u64 {
         }
         _ => COLOUR_BYTES * share + config.layers.iter().map(|&m| of(m)).sum::<f64>(),
     };
-    ((pixels * bytes) as u64).saturating_add(FILE_BYTES * (1 + config.layers.len() as u64))
+    let files = (1 + config.layers.len() as u64) * config.sections.len().max(1) as u64;
+    ((pixels * bytes) as u64).saturating_add(FILE_BYTES * files)
 }
 
 /// Memory of the stores' caches, of the blocks and of finished tiles, as far as they are filled.

@@ -10,7 +10,7 @@ use xxhash_rust::xxh3::xxh3_128;
 use super::super::config::Config;
 use super::super::job::{
     CameraRecord, FileRecord, JobFolder, JobRecord, MeshRecord, PhotoRecord, Rendering, Stamp,
-    Thoroughness,
+    Thoroughness, section_mosaics,
 };
 use super::choices;
 use super::inputs::Inputs;
@@ -68,7 +68,8 @@ impl Job {
         warnings.extend(inputs.doubts(config, &bounds_ground)?);
         let profile = common.profile.map(IccProfile::new);
         let keys = Keys::of(&mosaic, &stores, &rendering);
-        let manifest = manifest(config, inputs, &mosaic, &rendering, (profile, keys.settings()))?;
+        let sections = section_mosaics(&mosaic, &config.sections);
+        let manifest = manifest(config, inputs, &sections, &rendering, (profile, keys.settings()))?;
         let folder = match place {
             Place::Own(folder) => folder.clone(),
             Place::Work => {
@@ -88,6 +89,7 @@ impl Job {
             manifest,
             batches: vec![0],
             frame: frame_toml(&mosaic),
+            sections: config.sections.clone(),
             view: view(&mosaic),
             rendering,
             common: keys.common,
@@ -101,14 +103,17 @@ impl Job {
             settings: config.described(),
             warnings,
         };
-        let scene = scene(&mosaic, &rendering, stores, inputs.cameras.names.len())?;
+        let scene = scene(&sections, &rendering, stores, inputs.cameras.names.len())?;
         Ok(Self { folder, record, mosaic, scene })
     }
 }
 
-/// The scene of a mosaic.
+/// The scene of a mosaic, or of the sections of one, from the lowest.
+///
+/// # Panics
+/// If there is none.
 pub(in crate::cli) fn scene(
-    mosaic: &Mosaic,
+    sections: &[Mosaic],
     rendering: &Rendering,
     stores: Stores,
     names: usize,
@@ -117,8 +122,10 @@ pub(in crate::cli) fn scene(
     let origin = mesh.origin();
     let depth = rendering.blend.depth;
     let photos = photos.iter().map(|p| scene_photo(p, origin, &pixels, depth));
+    let (highest, below) = sections.split_last().expect("at least one section");
     Ok(Scene {
-        mosaic: mosaic.local(origin),
+        mosaic: highest.local(origin),
+        below: below.iter().map(|section| section.local(origin)).collect(),
         photos: photos.collect::<Result<_>>()?,
         mesh,
         pixels,
@@ -272,10 +279,11 @@ fn photo_records(
 fn manifest(
     config: &Config,
     inputs: &Inputs,
-    mosaic: &Mosaic,
+    sections: &[Mosaic],
     rendering: &Rendering,
     (profile, settings): (Option<IccProfile>, String),
 ) -> Result<Manifest> {
+    let mosaic = sections.first().expect("at least one section");
     let crs = mosaic.plane().and_then(|plane| plane.crs.as_deref());
     let epsg = crs.map(parse_crs).transpose()?;
     let [origin_u, _, _, origin_v] = mosaic.extent;
@@ -283,15 +291,14 @@ fn manifest(
     // A perspective view has no coordinates of the ground.
     let georeference =
         (pixel_size > 0.0).then_some(Georeference { origin_u, origin_v, pixel_size, epsg });
-    let frame = frame_toml(mosaic);
     let colours = Layer::mosaic(rendering.blend.colour, rendering.blend.depth);
     let mut layers = vec![match profile {
         Some(profile) => colours.with_profile(profile),
         None => colours,
     }];
     layers.extend(config.layers.iter().filter_map(|&meaning| Layer::of(meaning)));
-    let with_items = |layer: Layer| {
-        let layer = layer.with_item("GROUNDEL_FRAME", frame.clone());
+    let with_items = |layer: Layer, frame: &str| {
+        let layer = layer.with_item("GROUNDEL_FRAME", frame);
         match layer.meaning() {
             Meaning::Best => {
                 inputs.cameras.names.iter().enumerate().fold(layer, |layer, (k, name)| {
@@ -301,7 +308,12 @@ fn manifest(
             _ => layer,
         }
     };
-    let layers = layers.into_iter().map(with_items).collect();
+    let of_section = |(number, section): (u16, &Mosaic)| {
+        let frame = frame_toml(section);
+        let layer = |l: &Layer| with_items(l.clone(), &frame).of_section(number);
+        layers.iter().map(layer).collect::<Vec<_>>()
+    };
+    let layers = (0..).zip(sections).flat_map(of_section).collect();
     let format = TileFormat { tile_size: config.tile_size, compression: config.compression };
     Manifest::new(mosaic.size, format, layers, georeference, settings)
 }

@@ -25,7 +25,7 @@ pub(super) use inputs::Inputs;
 pub(super) use job::{Job, Place, scene};
 pub(super) use planning::{Planned, budget, plan, tile_demand};
 pub(super) use points::add_tin;
-pub(super) use reporting::Outcome;
+pub(super) use reporting::{Outcome, found};
 pub use run::ExitStatus;
 pub(super) use run::{on_threads, run};
 pub(super) use shelf::Shelf;

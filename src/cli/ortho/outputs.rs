@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use super::super::config::Config;
 use super::super::job::check_writable;
 use super::inputs::Inputs;
-use crate::output::Meaning;
 use crate::{Error, Result};
 
 /// Refuses outputs that are folders, lie in no folder or one that cannot be written to, or are inputs of the job.
@@ -14,8 +13,7 @@ use crate::{Error, Result};
 /// # Errors
 /// [`Error::Usage`] naming the file; [`Error::Io`] for a folder that refuses.
 pub(super) fn check(config: &Config, inputs: &Inputs) -> Result<()> {
-    let mut files: Vec<PathBuf> = config.layers.iter().map(|l| config.layer_file(*l)).collect();
-    files.extend([config.layer_file(Meaning::Mosaic), config.frame_file()]);
+    let mut files = config.files();
     files.extend(config.report.clone());
     check_writable(files.iter().map(PathBuf::as_path))?;
     if config.work.exists() && !config.work.is_dir() {

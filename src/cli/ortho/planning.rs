@@ -68,17 +68,28 @@ pub(in crate::cli) fn plan(
 /// # Errors
 /// If finished tiles alone take too much.
 pub(in crate::cli) fn budget(config: &Config) -> Result<Budget> {
-    let layers = config.layers.iter().filter_map(|&meaning| Layer::of(meaning));
-    let mosaic = Layer::mosaic(Colour::Rgb, Depth::Sixteen);
-    let demand = tile_demand(config.tile_size, layers.chain([mosaic]));
+    let demand = demand_of_one(config).times(config.sections.len().max(1));
     Budget::new(config.memory_bytes, config.threads, demand)
 }
 
-/// What finished tiles of these layers take.
+/// How many sections the memory lets be made at a time.
+pub(super) fn sections_at_once(config: &Config) -> usize {
+    Budget::sections_at_once(config.memory_bytes, config.threads, demand_of_one(config))
+}
+
+/// What finished tiles of one section take.
+fn demand_of_one(config: &Config) -> TileDemand {
+    let layers = config.layers.iter().filter_map(|&meaning| Layer::of(meaning));
+    let mosaic = Layer::mosaic(Colour::Rgb, Depth::Sixteen);
+    tile_demand(config.tile_size, layers.chain([mosaic]), 1)
+}
+
+/// What finished tiles of these layers, which are those of so many sections, take.
 pub(in crate::cli) fn tile_demand(
     tile_size: u32,
     layers: impl Iterator<Item = Layer>,
+    sections: usize,
 ) -> TileDemand {
     let pixel_bytes = layers.map(|layer| layer.pixel_bytes() as u64).sum();
-    TileDemand { tile_size, pixel_bytes, levels: MOST_LEVELS }
+    TileDemand { tile_size, pixel_bytes, levels: MOST_LEVELS, sections: sections as u64 }
 }

@@ -1,6 +1,6 @@
 //! What a run found: the report file and the summary.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::super::config::Config;
 use super::super::console;
@@ -8,11 +8,11 @@ use super::super::job::{Files, JobRecord};
 use super::inputs::Inputs;
 use super::stores::Stores;
 use crate::frame::{Mosaic, MosaicFrame};
-use crate::output::write_atomically;
+use crate::output::{Meaning, write_atomically};
 use crate::render::{OrthoTile, Statistics};
 use crate::report::{
     CameraInput, Coverage, FrameSummary, Inputs as InputReport, MeshInput, OutputFile, PhotoReport,
-    PhotoTally, Report, Run,
+    PhotoTally, Report, Run, SectionReport,
 };
 use crate::{Error, Result};
 
@@ -21,26 +21,57 @@ use crate::{Error, Result};
 pub(in crate::cli) struct Outcome<'a> {
     pub(in crate::cli) record: &'a JobRecord,
     pub(in crate::cli) mosaic: &'a Mosaic,
-    pub(in crate::cli) statistics: Statistics,
-    pub(in crate::cli) files: &'a Files,
+    /// The mosaic; of several sections each, from the lowest.
+    pub(in crate::cli) found: Vec<Found>,
     pub(in crate::cli) run: Run,
+}
+
+/// What was found in a mosaic or a section, and where it lies.
+#[derive(Debug)]
+pub(in crate::cli) struct Found {
+    /// The elevation at which a section ends.
+    elevation: Option<f64>,
+    statistics: Statistics,
+    /// The layers, the frame, and last the mosaic.
+    files: Vec<PathBuf>,
+}
+
+/// What was found in the mosaic, or the sections, of a job.
+pub(in crate::cli) fn found(
+    record: &JobRecord,
+    statistics: Vec<Statistics>,
+    files: &Files,
+) -> Vec<Found> {
+    let each = statistics.into_iter().zip(&files.frames).enumerate();
+    let of = |(section, (statistics, frame)): (usize, (Statistics, &PathBuf))| {
+        let both = record.manifest.layers().iter().zip(&files.layers);
+        let own = both.filter(|(layer, _)| usize::from(layer.section()) == section);
+        let (mosaics, mut written): (Vec<_>, Vec<_>) =
+            own.partition(|(layer, _)| layer.meaning() == Meaning::Mosaic);
+        let paths = written.drain(..).map(|(_, path)| path);
+        let files = paths.chain([frame]).chain(mosaics.iter().map(|(_, path)| *path));
+        let elevation = record.sections.get(section).copied();
+        Found { elevation, statistics, files: files.cloned().collect() }
+    };
+    each.map(of).collect()
 }
 
 impl Outcome<'_> {
     /// Writes the report to `file`, if one is asked for, and says the summary unless `quiet`.
     pub(in crate::cli) fn report(self, file: Option<&Path>, quiet: bool) -> Result<()> {
-        let photos = photos(self.record, &self.statistics);
-        let rejected = photos.iter().map(|p| p.pixels_rejected).sum();
-        let histogram = histogram(&self.statistics);
+        let highest = self.found.last().expect("at least one section");
+        let (coverage, photos) = self.tell(&highest.statistics);
+        let sections = self.found.iter().filter_map(|found| self.section(found)).collect();
         let report = Report {
             groundel: self.record.groundel.clone(),
             inputs: self.record.inputs.clone(),
             frame: frame(self.mosaic),
             settings: self.record.settings.clone(),
-            coverage: Coverage::new(self.mosaic.size.area(), &histogram, rejected),
+            coverage,
             photos,
+            sections,
             warnings: self.record.warnings.clone(),
-            outputs: outputs(self.files)?,
+            outputs: outputs(&self.found)?,
             run: self.run,
         };
         if let Some(path) = file {
@@ -50,6 +81,22 @@ impl Outcome<'_> {
             console::note(&report.summary());
         }
         Ok(())
+    }
+
+    /// What some statistics say of pixels and photos.
+    fn tell(&self, statistics: &Statistics) -> (Coverage, Vec<PhotoReport>) {
+        let photos = photos(self.record, statistics);
+        let rejected = photos.iter().map(|p| p.pixels_rejected).sum();
+        let pixels = self.mosaic.size.area();
+        (Coverage::new(pixels, &histogram(statistics), rejected), photos)
+    }
+
+    /// The report of a section; none of an ordinary mosaic.
+    fn section(&self, found: &Found) -> Option<SectionReport> {
+        let elevation = found.elevation?;
+        let (coverage, photos) = self.tell(&found.statistics);
+        let file = found.files.last().map(|file| file.display().to_string()).unwrap_or_default();
+        Some(SectionReport { file, elevation, coverage, photos })
     }
 }
 
@@ -117,11 +164,10 @@ fn histogram(statistics: &Statistics) -> Vec<u64> {
     counts[..last].to_vec()
 }
 
-fn outputs(files: &Files) -> Result<Vec<OutputFile>> {
+fn outputs(found: &[Found]) -> Result<Vec<OutputFile>> {
     let size = |path: &Path| -> Result<OutputFile> {
         let found = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
         Ok(OutputFile { file: path.display().to_string(), bytes: found.len() })
     };
-    let (mosaic, layers) = files.layers.split_first().expect("the mosaic is a layer");
-    layers.iter().chain([&files.frame, mosaic]).map(|path| size(path)).collect()
+    found.iter().flat_map(|found| &found.files).map(|path| size(path)).collect()
 }

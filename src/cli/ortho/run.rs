@@ -3,13 +3,14 @@
 use std::fs;
 
 use super::super::config::Config;
+use super::super::console;
 use super::super::job::{BatchRun, Files, assemble_files};
 use super::inputs::Inputs;
 use super::job::{Job, Place};
 use super::outputs;
-use super::planning::{Planned, budget, plan};
+use super::planning::{Planned, budget, plan, sections_at_once};
 use super::points::add_tin;
-use super::reporting::Outcome;
+use super::reporting::{Found, Outcome, found};
 use crate::batch::{Rivals, TileAddress, statistics};
 use crate::plan::tile_weight;
 use crate::report::{MemoryUse, PhotoPixels, Run, StageLog, peak_resident_bytes};
@@ -61,25 +62,35 @@ pub(in crate::cli) fn run(config: &Config) -> Result<ExitStatus> {
 
 fn stages(config: &Config) -> Result<ExitStatus> {
     let mut log = StageLog::start();
-    let budget = budget(config)?;
+    let groups = groups(config);
+    for group in &groups {
+        budget(group)?;
+    }
     let mut inputs = log.run("inputs", || Inputs::read(config))?;
     outputs::check(config, &inputs)?;
     if !inputs.clouds.is_empty() {
-        log.run("point clouds", || add_tin(config, &mut inputs, &budget))?;
+        log.run("point clouds", || add_tin(config, &mut inputs, &budget(&groups[0])?))?;
     }
-    let planned = plan(config, &inputs, budget, Place::Work)?;
+    let mut all = Vec::new();
+    let mut last = None;
+    for (number, group) in groups.iter().enumerate() {
+        // The stores of the group before are closed.
+        drop(last.take());
+        if groups.len() > 1 && !config.quiet {
+            let (sections, all) = (group.sections.len(), groups.len());
+            console::note(&format!(
+                "groundel: {sections} sections, part {} of {all}: --memory holds no more at once",
+                number + 1
+            ));
+        }
+        let mut made = mosaics(group, &inputs, &mut log)?;
+        // From the lowest: each group lies below the one before.
+        made.found.append(&mut all);
+        all = std::mem::take(&mut made.found);
+        last = Some(made);
+    }
+    let Made { planned, memory, .. } = last.expect("at least one group");
     let Planned { job, outlook, .. } = &planned;
-    log.extend(&planned.log);
-    job.record.save(&job.folder)?;
-    let memory = log.run("tiles", || tiles(config, &planned))?;
-    let parts = [job.folder.parts()?.finished_file(0)];
-    let statistics = statistics(&job.record.manifest, &parts, job.record.names.len())?;
-    let files = Files::of(&job.record.manifest, &config.out);
-    log.run("files", || {
-        assemble_files(&job.record, &parts, &files)?;
-        let folder = job.folder.path();
-        fs::remove_dir_all(folder).map_err(|e| Error::io(folder, e))
-    })?;
     let run = Run {
         threads: config.threads,
         memory_cap_bytes: config.memory_bytes,
@@ -91,10 +102,44 @@ fn stages(config: &Config) -> Result<ExitStatus> {
         forecast: outlook.forecast,
         forecast_of: outlook.demand,
     };
-    let outcome =
-        Outcome { record: &job.record, mosaic: &job.mosaic, statistics, files: &files, run };
+    let outcome = Outcome { record: &job.record, mosaic: &job.mosaic, found: all, run };
     outcome.report(config.report.as_deref(), config.quiet)?;
     Ok(ExitStatus::of(job.record.inputs.cameras.left_out.len()))
+}
+
+/// The job in pieces whose finished tiles fit the memory: as many sections at a time as that takes, from the highest.
+fn groups(config: &Config) -> Vec<Config> {
+    if config.sections.is_empty() {
+        return vec![config.clone()];
+    }
+    let of = |sections: &[f64]| Config { sections: sections.to_vec(), ..config.clone() };
+    config.sections.rchunks(sections_at_once(config)).map(of).collect()
+}
+
+/// What a run over one group has made.
+struct Made {
+    planned: Planned,
+    memory: Vec<MemoryUse>,
+    found: Vec<Found>,
+}
+
+/// Plans, renders and assembles a mosaic, or one group of its sections.
+fn mosaics(config: &Config, inputs: &Inputs, log: &mut StageLog) -> Result<Made> {
+    let planned = plan(config, inputs, budget(config)?, Place::Work)?;
+    let Planned { job, .. } = &planned;
+    log.extend(&planned.log);
+    job.record.save(&job.folder)?;
+    let memory = log.run("tiles", || tiles(config, &planned))?;
+    let parts = [job.folder.parts()?.finished_file(0)];
+    let statistics = statistics(&job.record.manifest, &parts, job.record.names.len())?;
+    let files = Files::of(&job.record, &config.out);
+    log.run("files", || {
+        assemble_files((&job.record, &job.mosaic), &parts, &files)?;
+        let folder = job.folder.path();
+        fs::remove_dir_all(folder).map_err(|e| Error::io(folder, e))
+    })?;
+    let found = found(&job.record, statistics, &files);
+    Ok(Made { planned, memory, found })
 }
 
 /// Renders every tile; who held how much memory meanwhile.
