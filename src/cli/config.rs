@@ -9,11 +9,13 @@ use serde_json::{Map, Value, json};
 use super::args::OrthoArgs;
 use super::choice::PhotoChoice;
 use super::frame_choice::{self, FrameChoice};
+use super::print_size;
 use super::project;
 use super::settings::{BlendRule, Interpolation, Outliers, Weights};
+use super::sidecars;
 use super::values::LEAST_MEMORY_BYTES;
 use crate::input::{AngleUnit, CameraFormat, CameraOptions};
-use crate::output::{Compression, Meaning};
+use crate::output::{Compression, Meaning, PrintResolution, Sidecar};
 use crate::report::physical_bytes;
 use crate::{Error, Result};
 
@@ -61,6 +63,10 @@ pub struct Config {
     pub undefined: [u16; 3],
     /// The layers to write beside the mosaic, each once, in the order of [`Meaning::ALL`].
     pub layers: Vec<Meaning>,
+    /// How large the pixels are on paper, if that is to be stated.
+    pub dpi: Option<PrintResolution>,
+    /// The files to write beside the mosaic, its frame not counted.
+    pub sidecars: Vec<Sidecar>,
     /// The mosaic's file.
     pub out: PathBuf,
     /// Compression of the tiles.
@@ -87,15 +93,18 @@ impl Config {
     /// [`Error::Unsupported`] for frames that cannot be drawn yet; what reading the files gives.
     pub fn build(args: OrthoArgs) -> Result<Self> {
         let (args, frame) = project::merged(args)?;
+        let args = print_size::resolved(args)?;
         let out = mosaic_file(needed(args.out.clone(), "out")?)?;
         if args.mesh.is_empty() {
             return Err(missing("mesh"));
         }
+        let frame = frame_choice::frame(&args, frame)?;
+        let sidecars = sidecars::asked(&args, &frame)?;
         Ok(Self {
             cameras: needed(args.cameras.clone(), "cameras")?,
             camera_options: args.camera.options(args.photos.clone(), args.force),
             photos: needed(args.photos.clone(), "photos")?,
-            frame: frame_choice::frame(&args, frame)?,
+            frame,
             meshes: args.mesh,
             // `+ 0.0` turns −0 into 0.
             shift: args.shift.unwrap_or_default().map(|metres| metres + 0.0),
@@ -110,6 +119,8 @@ impl Config {
             occlusion_tolerance_m: args.occlusion_tolerance,
             undefined: args.undefined.unwrap_or_default(),
             layers: Meaning::ALL.into_iter().filter(|l| args.layers.contains(l)).collect(),
+            dpi: args.dpi,
+            sidecars,
             compression: args.compress.unwrap_or(Compression::Deflate),
             tile_size: args.tile_size.unwrap_or(TILE_SIZE),
             report: args.report,
@@ -132,6 +143,11 @@ impl Config {
     /// The frame written beside the mosaic: `<out stem>.frame.toml`.
     pub fn frame_file(&self) -> PathBuf {
         self.beside("frame.toml")
+    }
+
+    /// A file beside the mosaic that can be asked for: `<out stem>.tfw`, `<out stem>.dxf`.
+    pub fn sidecar_file(&self, sidecar: Sidecar) -> PathBuf {
+        self.beside(sidecar.extension())
     }
 
     fn beside(&self, ending: &str) -> PathBuf {
@@ -161,6 +177,8 @@ impl Config {
             ("occlusion_tolerance", json!(self.occlusion_tolerance_m)),
             ("undefined", json!(self.undefined)),
             ("layers", json!(layers)),
+            ("dpi", json!(self.dpi)),
+            ("sidecars", json!(self.sidecars)),
             ("compress", json!(self.compression.name())),
             ("tile_size", json!(self.tile_size)),
         ];

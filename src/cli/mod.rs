@@ -17,10 +17,12 @@ mod interrupt;
 mod locate;
 mod ortho;
 mod picture;
+mod print_size;
 mod progress;
 mod project;
 mod run;
 mod settings;
+mod sidecars;
 mod values;
 
 pub use args::{Args, CameraArgs, Command, DemoArgs, OrthoArgs};
@@ -29,4 +31,4 @@ pub use config::Config;
 pub use ortho::ExitStatus;
 pub use progress::Progress;
 pub use run::run;
-pub use settings::{BlendRule, Interpolation, Outliers, View, Weights};
+pub use settings::{BlendRule, Cad, Interpolation, Outliers, View, Weights};

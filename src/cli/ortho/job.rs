@@ -197,5 +197,6 @@ fn manifest(
     };
     let layers = layers.into_iter().map(with_items).collect();
     let format = TileFormat { tile_size: config.tile_size, compression: config.compression };
-    Manifest::new(mosaic.size, format, layers, georeference, settings)
+    let manifest = Manifest::new(mosaic.size, format, layers, georeference, settings)?;
+    Ok(manifest.with_extras(config.dpi, config.sidecars.clone()))
 }

@@ -15,6 +15,7 @@ use crate::{Error, Result};
 pub(super) fn check(config: &Config, inputs: &Inputs) -> Result<()> {
     let mut files: Vec<PathBuf> = config.layers.iter().map(|l| config.layer_file(*l)).collect();
     files.extend([config.layer_file(Meaning::Mosaic), config.frame_file()]);
+    files.extend(config.sidecars.iter().map(|sidecar| config.sidecar_file(*sidecar)));
     files.extend(config.report.clone());
     for file in &files {
         check_folder(file)?;

@@ -6,6 +6,7 @@ use super::super::config::Config;
 use super::super::console;
 use super::super::interrupt;
 use super::super::progress::Progress;
+use super::super::sidecars::beside;
 use super::forecast::{Outlook, Planned};
 use super::grid::grid;
 use super::inputs::Inputs;
@@ -17,9 +18,8 @@ use crate::batch::{
     Assembly, Run, SceneTiles, TileAddress, assemble, completed, curve_order, run as run_batch,
     statistics,
 };
-use crate::frame::frame_toml;
 use crate::image::{Colour, Depth};
-use crate::output::{BigTiff, Layer, write_atomically};
+use crate::output::{BigTiff, Layer};
 use crate::plan::{Survey, photo_needs, tile_weight};
 use crate::render::{Budget, TileDemand};
 use crate::report::{MemoryUse, StageLog};
@@ -135,13 +135,14 @@ fn tiles(config: &Config, job: &Job, budget: &Budget, survey: &Survey) -> Result
     ])
 }
 
-/// Assembles the final files: layers first, the mosaic last.
+/// Assembles the final files: layers first, then what lies beside the mosaic, the mosaic last.
 fn files(config: &Config, job: &Job) -> Result<()> {
-    write_atomically(config.frame_file(), frame_toml(&job.mosaic).as_bytes())?;
+    let beside = beside(config, &job.manifest, &job.mosaic)?;
     let assembly = Assembly {
         manifest: &job.manifest,
         parts: std::slice::from_ref(&job.part),
         outputs: &job.outputs,
+        beside: &beside,
         big_tiff: BigTiff::IfNeeded,
     };
     assemble(&assembly, &interrupt::check)?;
