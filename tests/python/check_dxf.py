@@ -10,6 +10,7 @@ import json
 import sys
 
 import ezdxf
+from ezdxf.lldxf.encoding import decode_dxf_unicode
 
 answers = []
 for path in json.load(sys.stdin):
@@ -26,8 +27,8 @@ for path in json.load(sys.stdin):
             "version": document.dxfversion,
             "units": document.units,
             "faults": [entry.message for entry in audit.errors + audit.fixes],
-            "file": definition.dxf.filename,
-            "key": key,
+            "file": decode_dxf_unicode(definition.dxf.filename),
+            "key": decode_dxf_unicode(key),
             "size": list(image.dxf.image_size)[:2],
             "defined": list(definition.dxf.image_size)[:2],
             "insert": list(image.dxf.insert),
