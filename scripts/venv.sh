@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes the Python environment of the tests: the independent readers (rasterio = GDAL, rio-cogeo, numpy) and Dask,
-# in target/venv, unless it is there, and prints the path of its python.
+# Makes the Python environment of the tests: the independent readers (rasterio = GDAL, rio-cogeo, numpy, ezdxf) and
+# Dask, in target/venv, unless it is there, and prints the path of its python.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -14,6 +14,8 @@ certifi==2026.10.18
 click==8.5.1
 click-plugins==1.1.1.2
 cligj==0.7.2
+ezdxf==1.4.5
+fonttools==4.68.0
 morecantile==7.1.0
 numpy==2.4.6
 pydantic==2.14.3
@@ -54,7 +56,7 @@ if [ "$(cat "$stamp" 2>/dev/null)" != "$packages" ]; then
   python3 -m venv "$venv" >&2
   # shellcheck disable=SC2086 # a word for each package
   "$venv/bin/pip" install --quiet --disable-pip-version-check --only-binary :all: --no-deps $packages >&2
-  "$venv/bin/python" -c "import rasterio, rio_cogeo.cogeo, numpy, distributed" >&2
+  "$venv/bin/python" -c "import rasterio, rio_cogeo.cogeo, numpy, ezdxf, distributed" >&2
   printf '%s\n' "$packages" > "$stamp"
 fi
 printf '%s\n' "$PWD/$venv/bin/python"

@@ -161,8 +161,13 @@ fn write(case: &Case, folder: &Path) -> Vec<(Layer, Value)> {
     let outputs: Vec<PathBuf> =
         layers.iter().map(|l| folder.join(l.meaning().name()).with_extension("tif")).collect();
     let parts = [part];
-    let assembly =
-        Assembly { manifest: &manifest, parts: &parts, outputs: &outputs, big_tiff: case.big_tiff };
+    let assembly = Assembly {
+        manifest: &manifest,
+        parts: &parts,
+        outputs: &outputs,
+        beside: &[],
+        big_tiff: case.big_tiff,
+    };
     assemble(&assembly, &|| Ok(())).unwrap();
     for (layer, path) in layers.iter().zip(&outputs) {
         check_with_tiff_crate(&manifest, layer, path);

@@ -335,6 +335,38 @@ const CASES: &[Case] = &[
     flags("a system of degrees", &["--crs", "EPSG:4326"]),
     flags("a colour of two numbers", &["--undefined", "1,2"]),
     flags("more pixels than the photos hold", &["--pixel-size", "0.0001"]),
+    flags("a scale that is none", &["--scale", "50", "--dpi", "300"]),
+    flags("a scale without dots per inch", &["--scale", "1:50"]),
+    flags("a scale and a pixel size", &["--scale", "1:50", "--dpi", "300", "--pixel-size", "0.01"]),
+    flags("no dots per inch", &["--dpi", "0"]),
+    flags("a drawing of another kind", &["--cad", "dwg"]),
+    Case {
+        name: "a scale for a perspective view",
+        spoil: perspective,
+        flags: &["--frame", "view.toml", "--scale", "1:50", "--dpi", "300"],
+    },
+    Case {
+        name: "a world file for a perspective view",
+        spoil: perspective,
+        flags: &["--frame", "view.toml", "--world-file"],
+    },
+    Case {
+        name: "a drawing of a perspective view",
+        spoil: perspective,
+        flags: &["--frame", "view.toml", "--cad", "dxf"],
+    },
+    Case {
+        name: "a drawing of a development",
+        spoil: |p| {
+            p.write(
+                "view.toml",
+                "kind = \"cylinder\"\norigin = [0, 0, 9]\naxis = [0, 1, 0]\nzero = [0, 0, -1]\nradius = 9.0\n\
+                 facing = \"inside\"\n",
+            );
+        },
+        flags: &["--frame", "view.toml", "--cad", "dxf"],
+    },
+    flags("a drawing of a name it cannot hold", &["--out", "a\tb.tif", "--cad", "dxf"]),
     #[cfg(unix)]
     spoilt("the mesh is a loop of links", |p| {
         fs::remove_file(p.path("mesh.ply")).unwrap();
@@ -346,6 +378,10 @@ const CASES: &[Case] = &[
         std::os::unix::fs::symlink("photos", p.path("photos")).unwrap();
     }),
 ];
+
+fn perspective(project: &Project) {
+    project.write("view.toml", "kind = \"perspective\"\nphoto = \"b.png\"\n");
+}
 
 fn each_photo(project: &Project, change: fn(Vec<u8>) -> Vec<u8>) {
     for shot in scene().shots {

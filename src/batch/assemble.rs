@@ -1,5 +1,6 @@
 //! [`assemble`]: the parts of a job become its files.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::known::Known;
@@ -17,13 +18,16 @@ pub struct Assembly<'a> {
     pub parts: &'a [PathBuf],
     /// The file of each layer of the manifest, in its order; their folders exist.
     pub outputs: &'a [PathBuf],
+    /// Small files that belong to the mosaic, with their bytes: its frame, and what else lies beside it.
+    pub beside: &'a [(PathBuf, Vec<u8>)],
     /// Classic TIFF or BigTIFF.
     pub big_tiff: BigTiff,
 }
 
-/// Writes the files of all layers, and when all are whole, puts them in their places, the mosaic last. What stood
-/// there is replaced, each file at once. Compressed tiles are copied as they are: memory is the parts' indexes, the
-/// tables of one layer and one tile. `progress` is called once a tile, overviews and layers counted.
+/// Writes the files of all layers and those beside the mosaic, and when all are whole, puts them in their places: the
+/// layers, what lies beside the mosaic, the mosaic. What stood there is replaced, each file at once. Compressed tiles
+/// are copied as they are: memory is the parts' indexes, the tables of one layer and one tile. `progress` is called
+/// once a tile, overviews and layers counted.
 ///
 /// # Errors
 /// If tiles are missing (they are named), a part is damaged, the disk refuses, or `progress` says so. Unless the last step, the renaming,
@@ -38,13 +42,15 @@ pub fn assemble(assembly: &Assembly<'_>, progress: &dyn Fn() -> Result<()>) -> R
         assembly.parts.iter().map(|path| PartReader::open(path, manifest)).collect();
     let known = Known::new(manifest, parts?);
     refuse_gaps(&known, manifest, manifest.pyramid().levels())?;
-    let mut whole = Vec::new();
+    let (mut layers, mut mosaic) = (Vec::new(), Vec::new());
     for (layer, path) in assembly.outputs.iter().enumerate() {
-        whole.push((layer, write_layer(assembly, &known, (layer, path), progress)?));
+        let file = write_layer(assembly, &known, (layer, path), progress)?;
+        let is_mosaic = manifest.layers()[layer].meaning() == Meaning::Mosaic;
+        if is_mosaic { mosaic.push(file) } else { layers.push(file) }
     }
-    // Readers wait for the mosaic; when it is there, so are its layers.
-    whole.sort_by_key(|(layer, _)| manifest.layers()[*layer].meaning() == Meaning::Mosaic);
-    whole.into_iter().try_for_each(|(_, file)| file.commit())
+    let beside: Result<Vec<_>> = assembly.beside.iter().map(write_beside).collect();
+    // Readers wait for the mosaic; when it is there, so is all that belongs to it.
+    layers.into_iter().chain(beside?).chain(mosaic).try_for_each(PendingFile::commit)
 }
 
 /// Makes the overviews that no part holds, because their tiles are in several, as the part `joined`; the parts that then
@@ -87,6 +93,14 @@ fn refuse_gaps(known: &Known<'_>, manifest: &Manifest, levels: u32) -> Result<()
     Ok(())
 }
 
+/// A small file, whole, but not yet in its place.
+fn write_beside((path, bytes): &(PathBuf, Vec<u8>)) -> Result<PendingFile> {
+    let mut file = PendingFile::create(path)?;
+    file.write_all(bytes).map_err(|e| Error::io(path, e))?;
+    file.sync()?;
+    Ok(file)
+}
+
 /// One layer's file, whole, but not yet in its place.
 fn write_layer(
     assembly: &Assembly<'_>,
@@ -101,6 +115,7 @@ fn write_layer(
         pyramid,
         compression: manifest.format().compression,
         georeference: manifest.georeference(),
+        resolution: manifest.resolution(),
         big_tiff: assembly.big_tiff,
     };
     let places = || pyramid.file_order().filter_map(|tile| known.find(layer, tile));

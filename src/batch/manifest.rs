@@ -8,7 +8,9 @@ use xxhash_rust::xxh3::xxh3_128;
 
 use super::TileAddress;
 use crate::geom::{PixelRect, Size};
-use crate::output::{Georeference, Layer, Pyramid, TileFormat, TileKey, write_atomically};
+use crate::output::{
+    Georeference, Layer, PrintResolution, Pyramid, Sidecar, TileFormat, TileKey, write_atomically,
+};
 use crate::{Error, Result};
 
 /// Version of the manifest's format.
@@ -28,6 +30,10 @@ pub struct Manifest {
     format: TileFormat,
     layers: Vec<Layer>,
     georeference: Option<Georeference>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    dpi: Option<PrintResolution>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    sidecars: Vec<Sidecar>,
     settings: String,
 }
 
@@ -51,11 +57,20 @@ impl Manifest {
             format,
             layers,
             georeference,
+            dpi: None,
+            sidecars: Vec::new(),
             settings: settings.into(),
         };
         Pyramid::new(size, format.tile_size)?;
         manifest.check_layers().map_err(Error::Usage)?;
         Ok(manifest)
+    }
+
+    /// The manifest with what its files say of their size on paper, and the files that are to lie beside the mosaic.
+    #[must_use]
+    pub fn with_extras(mut self, dpi: Option<PrintResolution>, sidecars: Vec<Sidecar>) -> Self {
+        (self.dpi, self.sidecars) = (dpi, sidecars);
+        self
     }
 
     /// Reads a manifest.
@@ -165,6 +180,16 @@ impl Manifest {
         self.georeference.as_ref()
     }
 
+    /// How large the pixels are on paper, if that is stated.
+    pub fn resolution(&self) -> Option<PrintResolution> {
+        self.dpi
+    }
+
+    /// The files that are to lie beside the mosaic, its frame not counted.
+    pub fn sidecars(&self) -> &[Sidecar] {
+        &self.sidecars
+    }
+
     /// The fingerprint of the inputs and flags.
     pub fn settings(&self) -> &str {
         &self.settings
@@ -210,6 +235,11 @@ mod tests {
             assert_eq!(back.fingerprint(), whole.fingerprint());
         }
         assert_ne!(manifest(1.0).fingerprint(), manifest(1.0 + f64::EPSILON).fingerprint());
+        let resolution = PrintResolution::new(118.11);
+        let whole = manifest(1.0).with_extras(resolution, vec![Sidecar::WorldFile, Sidecar::Dxf]);
+        whole.save(&path).unwrap();
+        assert_eq!(Manifest::load(&path).unwrap(), whole);
+        assert_ne!(whole.fingerprint(), manifest(1.0).fingerprint());
     }
 
     #[test]
@@ -243,6 +273,8 @@ mod tests {
             ("\"width\": 40", "\"width\": 0"),
             ("\"channels\": 1", "\"channels\": 3"),
             ("\"settings\"", "\"stettings\""),
+            ("\"settings\"", "\"dpi\": 0.5, \"settings\""),
+            ("\"settings\"", "\"sidecars\": [\"dwg\"], \"settings\""),
         ] {
             assert!(text.contains(from), "{from}");
             std::fs::write(&path, text.replace(from, to)).unwrap();

@@ -73,7 +73,9 @@ fn assembled(folder: &Path, parts: &[PathBuf]) -> Result<Vec<Vec<u8>>> {
     let manifest = manifest();
     let outputs = ["a.tif", "a.elevation.tif", "a.face.tif"].map(|n| folder.join(n));
     let big_tiff = BigTiff::IfNeeded;
-    assemble(&Assembly { manifest: &manifest, parts, outputs: &outputs, big_tiff }, &|| Ok(()))?;
+    let assembly =
+        Assembly { manifest: &manifest, parts, outputs: &outputs, beside: &[], big_tiff };
+    assemble(&assembly, &|| Ok(()))?;
     Ok(outputs.iter().map(|path| fs::read(path).unwrap()).collect())
 }
 

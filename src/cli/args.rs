@@ -7,10 +7,10 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::job_args::{AssembleArgs, PlanArgs, RenderArgs};
-use super::settings::{BlendRule, Interpolation, Outliers, View, Weights};
+use super::settings::{BlendRule, Cad, Interpolation, Outliers, View, Weights};
 use super::values;
 use crate::input::{AngleUnit, CameraFormat, CameraOptions, Shift, TableLens};
-use crate::output::{Compression, Meaning};
+use crate::output::{Compression, Meaning, PrintResolution};
 
 /// Parsers of a path and of a pattern, which may be any text of the system.
 macro_rules! path {
@@ -255,6 +255,12 @@ pub struct OrthoArgs {
     /// Side of a mosaic pixel, metres [default: the frame's, else the photos' median footprint]
     #[arg(long, value_name = "P", help_heading = "Frame", value_parser = values::positive)]
     pub pixel_size: Option<f64>,
+    /// Pixel size by the scale of a print, with --dpi: N × 0.0254 / dpi metres [default: none]
+    #[arg(long, value_name = "1:N", help_heading = "Frame", value_parser = values::scale)]
+    pub scale: Option<f64>,
+    /// Dots per inch of a print, 1 to 100000, stated in the mosaic and its layers [default: none]
+    #[arg(long, value_name = "N", help_heading = "Frame", value_parser = values::dpi)]
+    pub dpi: Option<PrintResolution>,
     /// Extent in frame coordinates, metres [default: the frame's, else the bounds of the mesh]
     #[arg(long, value_name = "U0,V0,U1,V1", help_heading = "Frame", value_parser = values::extent)]
     pub extent: Option<[f64; 4]>,
@@ -299,6 +305,12 @@ pub struct OrthoArgs {
     /// Also write STEM.LAYER.tif beside STEM.tif: elevation, face, count, used, coverage, best [default: none]
     #[arg(long, value_name = "A,B,…", help_heading = "Output", value_parser = values::layer, value_delimiter = ',')]
     pub layers: Vec<Meaning>,
+    /// Also write STEM.tfw, a world file in frame coordinates; not of a perspective view
+    #[arg(long, help_heading = "Output")]
+    pub world_file: bool,
+    /// Also write STEM.dxf, which shows the mosaic on its plane in space; of planes only [default: none]
+    #[arg(long, value_name = "NAME", help_heading = "Output", value_enum)]
+    pub cad: Option<Cad>,
     /// Compression of the tiles: deflate, zstd, lzw or none [default: deflate]
     #[arg(long, value_name = "NAME", help_heading = "Output", value_parser = values::compression)]
     pub compress: Option<Compression>,

@@ -11,13 +11,15 @@ use super::args::OrthoArgs;
 use super::choice::PhotoChoice;
 use super::frame_choice::{self, FrameChoice};
 use super::job::{self, JobFolder};
+use super::print_size;
 use super::project;
 use super::sections;
 use super::settings::{BlendRule, Interpolation, Outliers, Weights};
+use super::sidecars;
 use super::values::LEAST_MEMORY_BYTES;
 use crate::frame::FrameSpec;
 use crate::input::{AngleUnit, CameraFormat, CameraOptions, Shift};
-use crate::output::{Compression, Meaning};
+use crate::output::{Compression, Meaning, PrintResolution, Sidecar};
 use crate::report::physical_bytes;
 use crate::{Error, Result};
 
@@ -71,6 +73,10 @@ pub struct Config {
     pub undefined: [u16; 3],
     /// The layers to write beside the mosaic, each once, in the order of [`Meaning::ALL`].
     pub layers: Vec<Meaning>,
+    /// How large the pixels are on paper, if that is to be stated.
+    pub dpi: Option<PrintResolution>,
+    /// The files to write beside the mosaic, its frame not counted.
+    pub sidecars: Vec<Sidecar>,
     /// The mosaic's file.
     pub out: PathBuf,
     /// Compression of the tiles.
@@ -114,10 +120,12 @@ impl Config {
     }
 
     fn of_merged(args: OrthoArgs, frame: Option<FrameSpec>) -> Result<Self> {
+        let args = print_size::resolved(args)?;
         let out = job::check_name(needed(args.out.clone(), "out")?)?;
         check_surface(&args)?;
         let sections = args.sections.map(sections::elevations).unwrap_or_default();
         let frame = sections::over_all(frame_choice::frame(&args, frame)?, &sections)?;
+        let sidecars = sidecars::asked(&args, &frame)?;
         // `+ 0.0` turns −0 into 0.
         let shift = args.shift.as_ref().map_or(Ok([0.0; 3]), Shift::metres)?.map(|v| v + 0.0);
         let odm_offset = match args.shift {
@@ -146,6 +154,8 @@ impl Config {
             occlusion_tolerance_m: args.occlusion_tolerance,
             undefined: args.undefined.unwrap_or_default(),
             layers: Meaning::ALL.into_iter().filter(|l| args.layers.contains(l)).collect(),
+            dpi: args.dpi,
+            sidecars,
             compression: args.compress.unwrap_or(Compression::Deflate),
             tile_size: args.tile_size.unwrap_or(TILE_SIZE),
             report: args.report,
@@ -169,7 +179,9 @@ impl Config {
     pub fn files(&self) -> Vec<PathBuf> {
         let of = |mosaic: PathBuf| {
             let layers = self.layers.iter().map(|&layer| job::layer_file(&mosaic, layer));
-            let mut files: Vec<_> = layers.chain([job::frame_file(&mosaic)]).collect();
+            let sidecars = self.sidecars.iter().map(|&kind| job::sidecar_file(&mosaic, kind));
+            let frame = job::frame_file(&mosaic);
+            let mut files: Vec<_> = layers.chain(sidecars).chain([frame]).collect();
             files.push(mosaic);
             files
         };
@@ -197,6 +209,8 @@ impl Config {
             ("occlusion_tolerance", json!(self.occlusion_tolerance_m)),
             ("undefined", json!(self.undefined)),
             ("layers", json!(layers)),
+            ("dpi", json!(self.dpi)),
+            ("sidecars", json!(self.sidecars)),
             ("compress", json!(self.compression.name())),
             ("tile_size", json!(self.tile_size)),
         ];

@@ -93,6 +93,7 @@ fn overridden(frame: FrameSpec, args: &OrthoArgs) -> Result<FrameSpec> {
         FrameSpec::Perspective(view) => {
             let what = "a perspective view, whose camera says it all";
             refuse(args.crs.is_some(), "--crs", what)?;
+            refuse(args.scale.is_some(), "--scale", what)?;
             refuse(args.pixel_size.is_some(), "--pixel-size", what)?;
             refuse(args.extent.is_some(), "--extent", what)?;
             let elevation = args.elevation.or(view.elevation);

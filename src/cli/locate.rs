@@ -9,7 +9,7 @@ use tiff::TiffError;
 use tiff::decoder::{Decoder, DecodingResult};
 
 use super::ortho::mosaic_of_view;
-use crate::frame::{FrameSpec, LocalMosaic, Mosaic};
+use crate::frame::{FrameSpec, Locator, Mosaic};
 use crate::input::{CameraOptions, read_cameras, read_frame};
 use crate::{Error, Result};
 
@@ -40,9 +40,7 @@ pub(super) struct Question<'a> {
 pub(super) fn answer(question: &Question<'_>) -> Result<String> {
     let frame = beside(question.mosaic, "frame.toml");
     let mosaic = mosaic(&frame, question)?;
-    // Near the frame, so that no digit is lost.
-    let origin = near(&mosaic);
-    let local = mosaic.local(origin);
+    let locator = Locator::new(&mosaic);
     let mut lines = String::new();
     for &[column, row] in question.pixels {
         let [width, height] = [mosaic.size.width, mosaic.size.height].map(f64::from);
@@ -55,11 +53,13 @@ pub(super) fn answer(question: &Question<'_>) -> Result<String> {
             Some(elevation) => elevation,
             None => stored_elevation(question.mosaic, [column, row])?,
         };
-        let point = local.lift(column, row, elevation) + origin;
+        let point = locator.ground(column, row, elevation).ok_or_else(|| {
+            Error::usage(format!("--pixel {column},{row}: the view's lens has no ray there"))
+        })?;
         lines += &line([column, row], point, elevation);
     }
     for &ground in question.grounds {
-        let at = project(&local, DVec3::from(ground) - origin).ok_or_else(|| {
+        let at = locator.pixel(ground.into()).ok_or_else(|| {
             Error::usage(format!("--ground {ground:?}: the view does not show this point"))
         })?;
         lines += &line([at.x, at.y], ground.into(), at.z);
@@ -70,11 +70,6 @@ pub(super) fn answer(question: &Question<'_>) -> Result<String> {
 fn line([column, row]: [f64; 2], point: DVec3, elevation: f64) -> String {
     let DVec3 { x, y, z } = point;
     format!("{column:?} {row:?} {x:?} {y:?} {z:?} {elevation:?}\n")
-}
-
-fn project(local: &LocalMosaic, point: DVec3) -> Option<DVec3> {
-    let at = local.project(point);
-    (!at.is_nan()).then_some(at)
 }
 
 /// `<stem>.<what>` beside the mosaic.
@@ -110,13 +105,6 @@ fn mosaic(frame: &Path, question: &Question<'_>) -> Result<Mosaic> {
             mosaic_of_view(&view, &cameras)
         }
     }
-}
-
-/// A ground point near what the mosaic shows.
-fn near(mosaic: &Mosaic) -> DVec3 {
-    let local = mosaic.local(DVec3::ZERO);
-    let point = local.lift(0.5, 0.5, 0.0);
-    if point.is_nan() { DVec3::ZERO } else { point.round() }
 }
 
 /// The elevation of the pixel that holds a position, from the layer beside the mosaic.

@@ -67,6 +67,8 @@ fn checked(path: &Path, project: Project) -> Result<OrthoArgs> {
             values::check_plane_points,
         )?,
         pixel_size: keys.check("pixel_size", project.pixel_size, values::check_positive)?,
+        scale: keys.check("scale", project.scale.as_deref(), values::scale)?,
+        dpi: keys.check("dpi", project.dpi, values::check_dpi)?,
         extent: keys.check("extent", project.extent, values::check_extent)?,
         elevation: keys.check("elevation", project.elevation, values::check_elevation)?,
         sections: keys.check("sections", project.sections, sections::check)?,
@@ -85,6 +87,8 @@ fn checked(path: &Path, project: Project) -> Result<OrthoArgs> {
         undefined: project.undefined,
         out: project.out,
         layers: layers.collect::<Result<_>>()?,
+        world_file: project.world_file.unwrap_or(false),
+        cad: keys.word("cad", project.cad.as_deref())?,
         compress: keys.check("compress", project.compress.as_deref(), values::compression)?,
         tile_size: keys.check("tile_size", project.tile_size, values::check_tile_size)?,
         report: project.report,
@@ -122,6 +126,8 @@ impl Keys<'_> {
 
 /// `flags` where they say something, else what stands `below`.
 fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
+    // A scale and a pixel size are two ways to say one thing.
+    let size_by_flag = flags.pixel_size.is_some() || flags.scale.is_some();
     // A direction belongs to the view that it was given with.
     let frame_by_flag =
         flags.frame.is_some() || flags.view.is_some() || flags.plane_points.is_some();
@@ -141,7 +147,9 @@ fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
         up: if frame_by_flag { flags.up } else { flags.up.or(below.up) },
         plane_points: if frame_by_flag { flags.plane_points } else { below.plane_points },
         frame: flags.frame,
-        pixel_size: flags.pixel_size.or(below.pixel_size),
+        pixel_size: if size_by_flag { flags.pixel_size } else { below.pixel_size },
+        scale: if size_by_flag { flags.scale } else { below.scale },
+        dpi: flags.dpi.or(below.dpi),
         extent: flags.extent.or(below.extent),
         elevation: flags.elevation.or(below.elevation),
         sections: flags.sections.or(below.sections),
@@ -156,6 +164,8 @@ fn over(flags: OrthoArgs, below: OrthoArgs) -> OrthoArgs {
         undefined: flags.undefined.or(below.undefined),
         out: flags.out.or(below.out),
         layers: either(flags.layers, below.layers),
+        world_file: flags.world_file || below.world_file,
+        cad: flags.cad.or(below.cad),
         compress: flags.compress.or(below.compress),
         tile_size: flags.tile_size.or(below.tile_size),
         report: flags.report.or(below.report),
@@ -246,6 +256,9 @@ mod tests {
             ("max_edge = nan", "max_edge", "greater than 0, or inf"),
             ("pixel_pitch = 0.0", "pixel_pitch", "greater than 0"),
             ("lens = \"brown\"", "lens", "opencv, classical"),
+            ("scale = \"50\"", "scale", "1:N"),
+            ("dpi = 0", "dpi", "1 to 100000"),
+            ("cad = \"dwg\"", "cad", "dxf"),
         ] {
             let error = merge(OrthoArgs::default(), text).unwrap_err();
             let message = error.to_string();

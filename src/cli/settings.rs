@@ -53,6 +53,13 @@ pub enum BlendRule {
     Best,
 }
 
+/// A drawing beside the mosaic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Cad {
+    /// As text, of the year 2000.
+    Dxf,
+}
+
 /// The value that `text` names; else an error with those allowed.
 pub(super) fn word<T: ValueEnum>(text: &str) -> std::result::Result<T, String> {
     let names = || -> Vec<String> {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::sections;
 use crate::frame::Plane;
 use crate::input::{AngleUnit, CameraFormat, Shift, TableLens};
-use crate::output::{Compression, Meaning};
+use crate::output::{Compression, Meaning, PrintResolution};
 
 /// Least memory cap, bytes: 256 MiB.
 pub(super) const LEAST_MEMORY_BYTES: u64 = 256 << 20;
@@ -154,6 +154,22 @@ pub(super) fn longest(text: &str) -> Parsed<f64> {
 /// The longest edge is longer than nothing.
 pub(super) fn check_longest(value: f64) -> Parsed<f64> {
     if value > 0.0 { Ok(value) } else { Err("expected a number greater than 0, or inf".into()) }
+}
+
+/// `1:N`, the scale of a print; N, which need not be whole.
+pub(super) fn scale(text: &str) -> Parsed<f64> {
+    let denominator = text.trim().strip_prefix("1:").and_then(|n| positive(n).ok());
+    denominator.ok_or_else(|| format!("expected 1:N, N greater than 0, found {text:?}"))
+}
+
+/// Dots per inch.
+pub(super) fn dpi(text: &str) -> Parsed<PrintResolution> {
+    check_dpi(numbers::<1>(text)?[0])
+}
+
+/// Dots per inch that a print can have.
+pub(super) fn check_dpi(dpi: f64) -> Parsed<PrintResolution> {
+    PrintResolution::new(dpi).ok_or_else(|| format!("expected 1 to 100000, found {dpi}"))
 }
 
 /// A number that is not negative.
@@ -393,6 +409,12 @@ mod tests {
         assert_eq!(positive("0.002"), Ok(0.002));
         assert!(positive("0").is_err() && positive("-1").is_err() && positive("inf").is_err());
         assert_eq!(not_negative("0"), Ok(0.0));
+        assert_eq!((scale("1:50"), scale(" 1:12.5")), (Ok(50.0), Ok(12.5)));
+        for text in ["50", "1:0", "1:-5", "2:50", "1:", "1:inf", "1/50"] {
+            assert!(scale(text).is_err(), "{text}");
+        }
+        assert_eq!(dpi("300").unwrap().dpi().to_bits(), 300_f64.to_bits());
+        assert!(dpi("0").is_err() && dpi("nan").is_err() && dpi("100001").is_err());
         assert!(not_negative("-0.1").is_err() && not_negative("nan").is_err());
         assert_eq!(shift("-5e5, 0,4200000.25"), Ok(Shift::Stated([-5e5, 0.0, 4_200_000.25])));
         assert_eq!(shift("odm/coords.txt"), Ok(Shift::OfOdm("odm/coords.txt".into())));

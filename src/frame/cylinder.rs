@@ -130,7 +130,7 @@ impl LocalCylinder {
     }
 
     /// A full turn, pixels.
-    fn turn_px(&self) -> f64 {
+    pub(super) fn turn_px(&self) -> f64 {
         2.0 * std::f64::consts::PI * self.radius / self.pixel_size
     }
 

@@ -48,6 +48,10 @@ pub struct Project {
     pub plane_points: Option<[[f64; 3]; 3]>,
     /// Metres.
     pub pixel_size: Option<f64>,
+    /// `1:N`, the scale of a print.
+    pub scale: Option<String>,
+    /// Dots per inch of a print.
+    pub dpi: Option<f64>,
     /// `[u_min, v_min, u_max, v_max]`, metres.
     pub extent: Option<[f64; 4]>,
     /// `[min, max]`, metres, perhaps infinite.
@@ -76,6 +80,10 @@ pub struct Project {
     pub undefined: Option<[u16; 3]>,
     /// Layers to write beside the mosaic.
     pub layers: Vec<String>,
+    /// A world file beside the mosaic.
+    pub world_file: Option<bool>,
+    /// `dxf`: a drawing beside the mosaic.
+    pub cad: Option<String>,
     /// The mosaic.
     pub out: Option<PathBuf>,
     /// `deflate`, `zstd`, `lzw` or `none`.
@@ -120,6 +128,8 @@ struct ProjectTable {
     up: Option<[f64; 3]>,
     plane_points: Option<[[f64; 3]; 3]>,
     pixel_size: Option<f64>,
+    scale: Option<String>,
+    dpi: Option<f64>,
     extent: Option<[f64; 4]>,
     elevation: Option<[f64; 2]>,
     sections: Option<[f64; 3]>,
@@ -137,6 +147,8 @@ struct ProjectTable {
     undefined: Option<[u16; 3]>,
     #[serde(default)]
     layers: Vec<String>,
+    world_file: Option<bool>,
+    cad: Option<String>,
     out: Option<PathBuf>,
     compress: Option<String>,
     tile_size: Option<u32>,
@@ -191,6 +203,8 @@ impl ProjectTable {
             up: self.up,
             plane_points: self.plane_points,
             pixel_size: self.pixel_size,
+            scale: self.scale,
+            dpi: self.dpi,
             extent: self.extent,
             elevation: self.elevation,
             sections: self.sections,
@@ -205,6 +219,8 @@ impl ProjectTable {
             occlusion_tolerance: self.occlusion_tolerance,
             undefined: self.undefined,
             layers: self.layers,
+            world_file: self.world_file,
+            cad: self.cad,
             out: at(self.out),
             compress: self.compress,
             tile_size: self.tile_size,
@@ -266,6 +282,10 @@ layers = ["elevation", "best"]
 out = "out/m.tif"
 compress = "zstd"
 tile_size = 256
+scale = "1:50"
+dpi = 300
+world_file = true
+cad = "dxf"
 crs = "EPSG:32634"
 memory = "512MiB"
 threads = 2
@@ -302,6 +322,8 @@ v_axis = [0, 0, 1]
             up: Some([0.0, 0.0, 1.0]),
             plane_points: None,
             pixel_size: Some(0.002),
+            scale: some("1:50"),
+            dpi: Some(300.0),
             extent: Some([0.0, 0.0, 1.5, 2.0]),
             elevation: Some([f64::NEG_INFINITY, 3.0]),
             sections: Some([-1.0, 2.0, 0.5]),
@@ -316,6 +338,8 @@ v_axis = [0, 0, 1]
             occlusion_tolerance: Some(0.01),
             undefined: Some([255, 65535, 0]),
             layers: vec!["elevation".into(), "best".into()],
+            world_file: Some(true),
+            cad: some("dxf"),
             out: at("out/m.tif"),
             compress: some("zstd"),
             tile_size: Some(256),

@@ -17,7 +17,10 @@ use std::path::Path;
 use super::ifd::{Directory, Flavour};
 use super::metadata::gdal_metadata;
 use super::tile::predictor;
-use super::{Compression, Georeference, Layer, Meaning, PendingFile, Pyramid, TileKey};
+use super::{
+    Compression, Georeference, Layer, Meaning, PendingFile, PrintResolution, Pyramid, TileKey,
+    resolution,
+};
 use crate::{Error, Result};
 
 /// Bytes of the write buffer.
@@ -50,6 +53,8 @@ pub struct CogSpec<'a> {
     pub compression: Compression,
     /// Where the pixels lie; none for a perspective mosaic.
     pub georeference: Option<&'a Georeference>,
+    /// How large the pixels are on paper, if that is stated.
+    pub resolution: Option<PrintResolution>,
     /// Classic or BigTIFF.
     pub big_tiff: BigTiff,
 }
@@ -232,10 +237,8 @@ fn directory(
     d.shorts(259, &[spec.compression.tag()]); // Compression
     d.shorts(262, &[photometric(layer)]); // PhotometricInterpretation
     d.shorts(277, &[channels_tag]); // SamplesPerPixel
-    d.rational(282, 1, 1); // XResolution: square pixels …
-    d.rational(283, 1, 1); // YResolution
     d.shorts(284, &[1]); // PlanarConfiguration: interleaved
-    d.shorts(296, &[1]); // ResolutionUnit: … of no stated size on paper
+    resolution::add_tags(spec.resolution, level, &mut d);
     d.shorts(317, &[predictor(layer, spec.compression).tag()]); // Predictor
     if layer.meaning() == Meaning::Coverage {
         d.shorts(320, &coverage_colours()); // ColorMap
@@ -303,6 +306,7 @@ mod tests {
             pyramid: Pyramid::new(Size::new(32, 16), 16).unwrap(),
             compression: Compression::Deflate,
             georeference: None,
+            resolution: None,
             big_tiff: BigTiff::IfNeeded,
         };
         let empty = Layout::of(&spec, &[0, 0, 0]);
@@ -324,6 +328,7 @@ mod tests {
             pyramid: Pyramid::new(Size::new(32, 16), 16).unwrap(),
             compression: Compression::None,
             georeference: None,
+            resolution: None,
             big_tiff: BigTiff::IfNeeded,
         };
         let path = folder.path().join("a.tif");

@@ -6,6 +6,7 @@
 
 mod codec;
 mod cog;
+mod dxf;
 mod geokeys;
 mod halve;
 mod icc;
@@ -17,13 +18,17 @@ mod pending;
 mod predictor;
 mod pyramid;
 mod raster;
+mod resolution;
+mod sidecar;
 #[cfg(test)]
 mod test_pixels;
 mod tile;
+mod world_file;
 
 pub use crate::image::{Colour, Depth};
 pub use codec::{Compression, Scratch, TileDamage};
 pub use cog::{BigTiff, CogSpec, CogWriter};
+pub use dxf::{dxf_name, image_dxf};
 pub use geokeys::{Georeference, parse_crs};
 pub use halve::halve;
 pub use icc::IccProfile;
@@ -33,4 +38,7 @@ pub use pending::{PendingFile, write_atomically};
 pub(crate) use pending::{lock, sync_folder};
 pub use pyramid::{Pyramid, TileFormat, TileKey};
 pub use raster::{Raster, SampleType};
+pub use resolution::PrintResolution;
+pub use sidecar::Sidecar;
 pub use tile::{decode_tile, encode_tile};
+pub use world_file::world_file;

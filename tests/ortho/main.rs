@@ -5,7 +5,10 @@ mod command;
 mod cracks;
 mod demo;
 mod formats;
+mod frame_out;
 mod frames;
+#[path = "../gdal/mod.rs"]
+mod gdal;
 mod golden;
 mod interruption;
 mod job;

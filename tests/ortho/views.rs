@@ -9,24 +9,24 @@ use super::job;
 use glam::DVec3;
 use groundel::synthetic::{TestScene, scenes};
 
-struct Project {
-    test: TestScene,
+pub(super) struct Project {
+    pub(super) test: TestScene,
     folder: tempfile::TempDir,
 }
 
 impl Project {
-    fn new(test: TestScene) -> Self {
+    pub(super) fn new(test: TestScene) -> Self {
         let folder = tempfile::tempdir().unwrap();
         job::write_files(&test, folder.path());
         Self { test, folder }
     }
 
-    fn path(&self, name: &str) -> std::path::PathBuf {
+    pub(super) fn path(&self, name: &str) -> std::path::PathBuf {
         self.folder.path().join(name)
     }
 
     /// Renders `name`.tif and gives what is said.
-    fn ortho(&self, name: &str, flags: &[&str]) -> String {
+    pub(super) fn ortho(&self, name: &str, flags: &[&str]) -> String {
         let output = self.groundel(
             "ortho",
             &[
@@ -49,7 +49,7 @@ impl Project {
         said
     }
 
-    fn groundel(&self, command: &str, args: &[&[&str]]) -> Output {
+    pub(super) fn groundel(&self, command: &str, args: &[&[&str]]) -> Output {
         Command::new(env!("CARGO_BIN_EXE_groundel"))
             .current_dir(self.folder.path())
             .arg(command)
@@ -59,7 +59,7 @@ impl Project {
     }
 
     /// What a command answers.
-    fn answer(&self, command: &str, args: &[&str]) -> String {
+    pub(super) fn answer(&self, command: &str, args: &[&str]) -> String {
         let output = self.groundel(command, &[args]);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
@@ -67,16 +67,16 @@ impl Project {
 }
 
 /// The numbers of one line of `groundel locate`.
-fn numbers(line: &str) -> Vec<f64> {
+pub(super) fn numbers(line: &str) -> Vec<f64> {
     line.split_whitespace().map(|word| word.parse().unwrap()).collect()
 }
 
-fn triple(values: &[f64]) -> String {
+pub(super) fn triple(values: &[f64]) -> String {
     let words: Vec<_> = values.iter().map(|v| format!("{v:?}")).collect();
     words.join(",")
 }
 
-fn key(file: &Path, key: &str) -> Vec<f64> {
+pub(super) fn key(file: &Path, key: &str) -> Vec<f64> {
     let text = fs::read_to_string(file).unwrap();
     let table: toml::Table = text.parse().unwrap();
     table[key].as_array().unwrap().iter().map(|v| v.as_float().unwrap()).collect()

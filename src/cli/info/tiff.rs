@@ -30,6 +30,7 @@ pub(super) fn describe(path: &Path) -> Result<String> {
     let mut decoder = Decoder::new(BufReader::new(file)).map_err(fault)?;
     let mut lines = vec![format!("{}: TIFF, {bytes} bytes", path.display())];
     lines.extend(image_lines(&mut decoder).map_err(fault)?);
+    lines.extend(resolution_line(&mut decoder).map_err(fault)?);
     lines.extend(profile_line(&mut decoder));
     lines.extend(place_lines(&mut decoder).map_err(fault)?);
     lines.extend(metadata_lines(&mut decoder).map_err(fault)?);
@@ -78,6 +79,30 @@ fn image_lines(decoder: &mut Reader) -> std::result::Result<Vec<String>, TiffErr
         ),
         format!("{chunks}: {chunk_width} × {chunk_height}, {compression}"),
     ])
+}
+
+/// Pixels on paper, if the file says how many to an inch or a centimetre.
+fn resolution_line(decoder: &mut Reader) -> std::result::Result<Option<String>, TiffError> {
+    let unit = match decoder.find_tag_unsigned::<u16>(Tag::ResolutionUnit)?.unwrap_or(2) {
+        2 => "dpi",
+        3 => "pixels a centimetre",
+        _ => return Ok(None),
+    };
+    let rational = |value: tiff::decoder::ifd::Value| match value {
+        tiff::decoder::ifd::Value::Rational(above, below) if below > 0 => {
+            Some(f64::from(above) / f64::from(below))
+        }
+        _ => None,
+    };
+    let across = decoder.find_tag(Tag::XResolution)?.and_then(rational);
+    let down = decoder.find_tag(Tag::YResolution)?.and_then(rational);
+    Ok(across.zip(down).map(|(x, y)| {
+        if x.to_bits() == y.to_bits() {
+            format!("resolution: {x} {unit}")
+        } else {
+            format!("resolution: {x} × {y} {unit}")
+        }
+    }))
 }
 
 /// The colour profile's length, if there is one.
@@ -199,6 +224,8 @@ mod tests {
         tags.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, -1.5, 7.25, 0.0_f64][..]).unwrap();
         tags.write_tag(Tag::GeoKeyDirectoryTag, &[1_u16, 1, 0, 1, 3072, 0, 1, 32634][..]).unwrap();
         tags.write_tag(Tag::GdalNodata, "nan").unwrap();
+        image.resolution(tiff::tags::ResolutionUnit::Inch, tiff::encoder::Rational { n: 145, d: 2 });
+        let tags = image.encoder();
         let xml =
             "<GDALMetadata>\n<Item name=\"LAYER\">a &amp;lt; b\nc &amp;amp;</Item></GDALMetadata>";
         tags.write_tag(GDAL_METADATA, xml).unwrap();
@@ -214,6 +241,7 @@ mod tests {
         for line in [
             "size: 6 × 4 pixels",
             "samples: 1 × 32 bit floating point, grey",
+            "resolution: 72.5 dpi",
             "pixel size: 0.002 × 0.002",
             "upper-left corner: -1.5, 7.25",
             "reference system: EPSG:32634",

@@ -6,12 +6,13 @@ use super::super::config::all_processors;
 use super::super::interrupt;
 use super::super::job_args::AssembleArgs;
 use super::super::ortho::{ExitStatus, Outcome, found, on_threads};
+use super::super::sidecars;
 use super::files::{Files, check_name, check_writable};
 use super::folder::JobFolder;
 use super::record::JobRecord;
 use crate::batch::{Assembly, Parts, assemble, join, statistics};
-use crate::frame::{Mosaic, frame_toml};
-use crate::output::{BigTiff, write_atomically};
+use crate::frame::Mosaic;
+use crate::output::BigTiff;
 use crate::report::{Run, StageLog, peak_resident_bytes};
 use crate::{Error, Result};
 
@@ -57,7 +58,7 @@ pub(in crate::cli) fn run(args: &AssembleArgs) -> Result<ExitStatus> {
     })
 }
 
-/// Assembles the files of a job: frames and layers first, the mosaics last.
+/// Assembles the files of a job: the layers first, then what lies beside the mosaics, the mosaics last.
 ///
 /// # Errors
 /// If tiles are missing, a part is damaged, or the disk refuses.
@@ -66,11 +67,13 @@ pub(in crate::cli) fn assemble_files(
     parts: &[PathBuf],
     files: &Files,
 ) -> Result<()> {
-    for (section, file) in record.section_mosaics(mosaic).iter().zip(&files.frames) {
-        write_atomically(file, frame_toml(section).as_bytes())?;
-    }
     let (manifest, outputs) = (&record.manifest, &files.layers);
-    let assembly = Assembly { manifest, parts, outputs, big_tiff: BigTiff::IfNeeded };
+    let mut beside = Vec::new();
+    for (section, mosaic) in record.section_mosaics(mosaic).iter().zip(&files.mosaics) {
+        beside.extend(sidecars::beside(manifest, section, mosaic)?);
+    }
+    let (beside, big_tiff) = (&beside[..], BigTiff::IfNeeded);
+    let assembly = Assembly { manifest, parts, outputs, beside, big_tiff };
     assemble(&assembly, &interrupt::check)
 }
 

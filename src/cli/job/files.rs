@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::super::sections;
 use super::record::JobRecord;
-use crate::output::{Layer, Meaning};
+use crate::output::{Layer, Meaning, Sidecar};
 use crate::{Error, Result};
 
 /// Where the files of a job go.
@@ -12,8 +12,12 @@ use crate::{Error, Result};
 pub(in crate::cli) struct Files {
     /// One for each layer of the manifest, in its order, of each section the mosaic first.
     pub(in crate::cli) layers: Vec<PathBuf>,
+    /// The mosaic of each section.
+    pub(in crate::cli) mosaics: Vec<PathBuf>,
     /// The frame of each section.
     pub(in crate::cli) frames: Vec<PathBuf>,
+    /// What else lies beside them.
+    pub(in crate::cli) sidecars: Vec<PathBuf>,
 }
 
 impl Files {
@@ -25,13 +29,19 @@ impl Files {
         };
         let layer = |l: &Layer| layer_file(&mosaic(l.section().into()), l.meaning());
         let layers = record.manifest.layers().iter().map(layer).collect();
-        let frame = |section| frame_file(&mosaic(section));
-        Self { layers, frames: (0..record.manifest.sections()).map(frame).collect() }
+        let mosaics: Vec<_> = (0..record.manifest.sections()).map(mosaic).collect();
+        let frames = mosaics.iter().map(|mosaic| frame_file(mosaic)).collect();
+        let kinds = record.manifest.sidecars();
+        let beside = |mosaic: &PathBuf| -> Vec<_> {
+            kinds.iter().map(|&kind| sidecar_file(mosaic, kind)).collect()
+        };
+        let sidecars = mosaics.iter().flat_map(beside).collect();
+        Self { layers, mosaics, frames, sidecars }
     }
 
     /// All of them.
     pub(in crate::cli) fn all(&self) -> impl Iterator<Item = &Path> {
-        self.layers.iter().chain(&self.frames).map(PathBuf::as_path)
+        self.layers.iter().chain(&self.frames).chain(&self.sidecars).map(PathBuf::as_path)
     }
 }
 
@@ -46,6 +56,11 @@ pub(in crate::cli) fn layer_file(out: &Path, layer: Meaning) -> PathBuf {
 /// The frame written beside the mosaic: `<out stem>.frame.toml`.
 pub(in crate::cli) fn frame_file(out: &Path) -> PathBuf {
     beside(out, "frame.toml")
+}
+
+/// A file beside the mosaic that can be asked for: `<out stem>.tfw`, `<out stem>.dxf`.
+pub(in crate::cli) fn sidecar_file(out: &Path, kind: Sidecar) -> PathBuf {
+    beside(out, kind.extension())
 }
 
 fn beside(out: &Path, ending: &str) -> PathBuf {

@@ -22,7 +22,7 @@ mod tiles;
 
 pub(super) use assemble::{assemble_files, run as assemble};
 pub(super) use camera::CameraRecord;
-pub(super) use files::{Files, check_name, check_writable, frame_file, layer_file};
+pub(super) use files::{Files, check_name, check_writable, frame_file, layer_file, sidecar_file};
 pub(super) use folder::JobFolder;
 pub(super) use plan::run as plan;
 pub(super) use record::{

@@ -315,5 +315,6 @@ fn manifest(
     };
     let layers = (0..).zip(sections).flat_map(of_section).collect();
     let format = TileFormat { tile_size: config.tile_size, compression: config.compression };
-    Manifest::new(mosaic.size, format, layers, georeference, settings)
+    let manifest = Manifest::new(mosaic.size, format, layers, georeference, settings)?;
+    Ok(manifest.with_extras(config.dpi, config.sidecars.clone()))
 }
