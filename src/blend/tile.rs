@@ -65,16 +65,22 @@ impl OrthoTile {
         part: PixelRect,
         surface: impl Fn(usize) -> Option<(f64, FaceId)>,
     ) {
-        for k in 0..part.area() {
-            let Some((elevation, face)) = surface(k) else { continue };
-            let at = self.index(part, k);
-            #[expect(clippy::cast_possible_truncation, reason = "the layer is f32")]
-            let rounded = elevation as f32;
-            self.elevation.data_mut()[at] = rounded;
-            self.face.data_mut()[at] = face.0;
-            self.count.data_mut()[at] = 0;
-            self.used.data_mut()[at] = 0;
-            self.coverage.data_mut()[at] = 0;
+        let width = part.width();
+        for row in (0..part.area()).step_by(width.max(1)) {
+            let at = self.index(part, row);
+            let range = at..at + width;
+            let elevations = &mut self.elevation.data_mut()[range.clone()];
+            let faces = &mut self.face.data_mut()[range.clone()];
+            let counts = &mut self.count.data_mut()[range.clone()];
+            let used = &mut self.used.data_mut()[range.clone()];
+            let coverage = &mut self.coverage.data_mut()[range];
+            for column in 0..width {
+                let Some((elevation, face)) = surface(row + column) else { continue };
+                #[expect(clippy::cast_possible_truncation, reason = "the layer is f32")]
+                let rounded = elevation as f32;
+                (elevations[column], faces[column]) = (rounded, face.0);
+                (counts[column], used[column], coverage[column]) = (0, 0, 0);
+            }
         }
     }
 

@@ -5,7 +5,10 @@
 //! compiler neither fuses a product with a sum nor reorders a sum. So the scalar code *is* the definition, and its
 //! own twin: [`run_baseline`] runs it as it is, [`run_widest`] the same source with wider registers.
 
-#![expect(unsafe_code, reason = "calls a function compiled for AVX2 after asking the CPU for it")]
+#![expect(
+    unsafe_code,
+    reason = "calls functions compiled for AVX2 and AVX-512 after asking the CPU for them"
+)]
 
 /// Lanes that kernels lay their loops out for: f32 in one AVX2 register.
 pub const LANES: usize = 8;
@@ -20,10 +23,15 @@ pub trait Kernel {
     fn run(self) -> Self::Output;
 }
 
-/// Runs a kernel with the widest vectors that this CPU has: AVX2 on x86-64, else those that every CPU of the target
-/// has.
+/// Runs a kernel with the widest vectors that this CPU has: AVX-512 or AVX2 on x86-64, else those that every
+/// CPU of the target has.
 #[inline]
 pub fn run_widest<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if has_avx512() {
+        // SAFETY: the CPU has all that the function asks for.
+        return unsafe { run_avx512(kernel) };
+    }
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
         // SAFETY: the CPU has AVX2, which is all that the function asks for.
@@ -42,6 +50,24 @@ pub fn run_baseline<K: Kernel>(kernel: K) -> K::Output {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
+
+/// Whether the CPU has what [`run_avx512`] is compiled for.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+fn has_avx512() -> bool {
+    std::arch::is_x86_feature_detected!("avx512f")
+        && std::arch::is_x86_feature_detected!("avx512bw")
+        && std::arch::is_x86_feature_detected!("avx512dq")
+        && std::arch::is_x86_feature_detected!("avx512vl")
+}
+
+/// The kernel's loop, inlined here and so compiled for AVX-512. Though that brings FMA, no product is ever fused with a
+/// sum: the compiler does so only where the source says it.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::geom::PixelRect;
+use crate::geom::{Kernel, LANES, PixelRect, run_widest};
 
 /// How a colour between pixel centres is made.
 #[derive(
@@ -79,13 +79,46 @@ pub fn taps(interpolation: Interpolation, position: DVec2, level: u32) -> PixelR
 
 /// The least rectangle of `level` that holds the taps of all `positions`; empty when there are none.
 pub fn taps_of(interpolation: Interpolation, positions: &[DVec2], level: u32) -> PixelRect {
-    let Some((&first, rest)) = positions.split_first() else {
+    if positions.is_empty() {
         return PixelRect::new(0, 0, 0, 0);
-    };
+    }
     // Taps are monotonic in each coordinate, so the extreme positions have the extreme taps.
-    let (min, max) = rest.iter().fold((first, first), |(a, b), &p| (a.min(p), b.max(p)));
+    let (min, max) = run_widest(Extremes { positions });
     let (a, b) = (taps(interpolation, min, level), taps(interpolation, max, level));
     PixelRect::new(a.x0, a.y0, b.x1, b.y1)
+}
+
+/// The least and the greatest coordinates of some positions; what is not a number counts as nothing.
+pub(super) struct Extremes<'a> {
+    pub(super) positions: &'a [DVec2],
+}
+
+impl Kernel for Extremes<'_> {
+    type Output = (DVec2, DVec2);
+
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "a kernel")]
+    fn run(self) -> (DVec2, DVec2) {
+        let (mut min, mut max) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+        let (whole, rest) = self.positions.as_chunks::<{ LANES / 2 }>();
+        let mut at = [0.0; LANES];
+        for positions in whole {
+            for (k, p) in positions.iter().enumerate() {
+                (at[2 * k], at[2 * k + 1]) = (p.x, p.y);
+            }
+            for k in 0..LANES {
+                min[k] = if at[k] < min[k] { at[k] } else { min[k] };
+                max[k] = if at[k] > max[k] { at[k] } else { max[k] };
+            }
+        }
+        let pairs =
+            |of: [f64; LANES]| (0..LANES / 2).map(move |k| DVec2::new(of[2 * k], of[2 * k + 1]));
+        let rest = || rest.iter().copied();
+        (
+            pairs(min).chain(rest()).fold(DVec2::INFINITY, DVec2::min),
+            pairs(max).chain(rest()).fold(DVec2::NEG_INFINITY, DVec2::max),
+        )
+    }
 }
 
 #[cfg(test)]
