@@ -139,7 +139,7 @@ impl Parts {
     ///
     /// # Errors
     /// If the folder refuses.
-    pub fn publish(&self, claim: Claim) -> Result<()> {
+    pub fn publish(&self, claim: &Claim) -> Result<()> {
         let to = self.finished_file(claim.batch);
         fs::rename(&claim.part, &to).map_err(|e| Error::io(&claim.part, e))?;
         sync_folder(&to)?;
@@ -260,15 +260,15 @@ mod tests {
         // Another batch is another matter.
         assert!(parts.claim(4, Rivals::Refuse).is_ok());
         // Whoever is done first leaves the other's file alone, and later the last one is there whole.
-        parts.publish(second).unwrap();
+        parts.publish(&second).unwrap();
         assert!(first.part.exists() && parts.finished_file(3).exists());
         drop(held);
-        parts.publish(first).unwrap();
+        parts.publish(&first).unwrap();
         assert_eq!(fs::read(parts.finished_file(3)).unwrap(), b"some tiles");
         assert!(
-            names(&parts.folder)
+            !names(&parts.folder)
                 .iter()
-                .all(|n| !n.starts_with("batch-00003.") || n.ends_with(".part"))
+                .any(|n| { n.starts_with("batch-00003.") && n.ends_with(UNFINISHED) })
         );
     }
 
@@ -282,7 +282,7 @@ mod tests {
         }
         let claim = parts.claim(0, Rivals::Refuse).unwrap();
         assert!(claim.part.ends_with("batch-00000.b.unfinished"));
-        parts.publish(claim).unwrap();
+        parts.publish(&claim).unwrap();
         assert_eq!(names(folder.path()), ["batch-00000.part"]);
     }
 }

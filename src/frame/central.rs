@@ -21,8 +21,8 @@ pub struct LocalCentral {
 }
 
 impl LocalCentral {
-    pub(super) fn new(lens: Lens, pose: LocalPose, slab: [f64; 2]) -> Self {
-        Self { lens, pose, slab }
+    pub(super) fn new(lens: &Lens, pose: LocalPose, slab: [f64; 2]) -> Self {
+        Self { lens: *lens, pose, slab }
     }
 
     /// `[min, max]` of the depths shown, metres.

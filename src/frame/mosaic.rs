@@ -118,7 +118,7 @@ impl Mosaic {
                 LocalMosaic::Cylinder(LocalCylinder::new(cylinder, self, origin_ground))
             }
             MosaicFrame::Perspective(view) => LocalMosaic::Central(Box::new(LocalCentral::new(
-                view.lens,
+                &view.lens,
                 view.pose.relative_to(origin_ground),
                 self.slab,
             ))),

@@ -3,9 +3,7 @@
 use std::fs;
 use std::time::{Duration, SystemTime};
 
-use super::facade::{
-    Facade, assemble, done, files, groundel, missing, names, refused, render,
-};
+use super::facade::{Facade, assemble, done, files, groundel, missing, names, refused, render};
 
 #[test]
 fn any_cut_in_any_order_ends_in_the_bytes_of_one_run() {
@@ -138,13 +136,16 @@ fn perspective_views_developments_masks_and_16_bit_photos_are_jobs_too() {
     let facade = Facade::new();
     let masks = facade.path("masks");
     fs::create_dir(&masks).unwrap();
-    let mask = image::GrayImage::from_fn(640, 480, |x, _| image::Luma([if x < 200 { 0 } else { 255 }]));
+    let mask =
+        image::GrayImage::from_fn(640, 480, |x, _| image::Luma([if x < 200 { 0 } else { 255 }]));
     mask.save(masks.join("IMG_0003.jpg.png")).unwrap();
     let view = facade.path("view.toml");
-    fs::write(&view, "kind = \"perspective\"\nphoto = \"IMG_0002.jpg\"\ndistorted = true\n").unwrap();
+    fs::write(&view, "kind = \"perspective\"\nphoto = \"IMG_0002.jpg\"\ndistorted = true\n")
+        .unwrap();
     let drum = facade.path("drum.toml");
     let axis = "kind = \"cylinder\"\norigin = [120.0, 353.0, 61.5]\naxis = [0.0, 0.0, 1.0]\nzero = [0.0, -1.0, 0.0]\n";
-    fs::write(&drum, format!("{axis}radius = 3.0\nfacing = \"outside\"\npixel_size = 0.02\n")).unwrap();
+    fs::write(&drum, format!("{axis}radius = 3.0\nfacing = \"outside\"\npixel_size = 0.02\n"))
+        .unwrap();
     let masks = masks.to_str().unwrap();
     for (name, flags) in [
         ("view", ["--frame", view.to_str().unwrap(), "--exclude", "IMG_0002.jpg"]),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use groundel::geom::Size;
-use groundel::synthetic::FacadeSet;
+use groundel::synthetic::{FacadeSet, StreetSet};
 
 /// The files of a mosaic.
 pub(super) const FILES: [&str; 4] =
@@ -30,6 +30,24 @@ impl Facade {
         let project = folder.path().join("project");
         fs::create_dir(&project).unwrap();
         set.write(&project).unwrap();
+        Self { folder }
+    }
+
+    /// A street of three façades, of which a photo sees one and a little of the next.
+    pub(super) fn street() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let set = FacadeSet {
+            faces: 60_000,
+            photo: Size::new(320, 240),
+            pixel_size: 0.02,
+            finest_m: 0.12,
+            layers: vec!["elevation", "best"],
+            ..FacadeSet::demo()
+        };
+        let street = StreetSet { houses: 3, photos: 30, set };
+        let project = folder.path().join("project");
+        fs::create_dir(&project).unwrap();
+        street.write(&project).unwrap();
         Self { folder }
     }
 

@@ -1,14 +1,17 @@
 //! Killed, doubled, damaged, without room, without permission.
 
 use std::fs;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use groundel::synthetic::Random;
 
-use super::facade::{
-    Facade, assemble, done, ended, files, missing, names, refused, render,
-};
+use super::facade::{Facade, assemble, done, ended, files, missing, names, refused, render};
+
+fn is_unfinished(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|end| end == "unfinished")
+}
 
 fn begin(command: &mut Command) -> Child {
     command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
@@ -38,7 +41,7 @@ fn workers_killed_at_any_moment_lose_no_finished_tile_and_do_no_harm() {
             killed += usize::from(code.is_none());
         }
         // A part under a final name is whole.
-        for name in names(&job.join("parts")).iter().filter(|name| name.ends_with(".part")) {
+        for name in names(&job.join("parts")).iter().filter(|name| !is_unfinished(name)) {
             let bytes = fs::read(job.join("parts").join(name)).unwrap();
             assert!(bytes.ends_with(b"GRNDPEND"), "{name}");
         }
@@ -48,7 +51,7 @@ fn workers_killed_at_any_moment_lose_no_finished_tile_and_do_no_harm() {
     let out = facade.path("out");
     done(&mut assemble(&job, &out, &[]));
     assert!(files(&out) == whole);
-    assert!(names(&job.join("parts")).iter().all(|name| name.ends_with(".part")));
+    assert!(!names(&job.join("parts")).iter().any(|name| is_unfinished(name)));
     done(&mut assemble(&job, &out, &["--remove"]));
     assert_eq!(names(&job), ["manifest.json", "stores"]);
 }
@@ -85,7 +88,7 @@ fn a_worker_ends_soon_after_the_process_that_started_it() {
     let mut shell = shell.stderr(Stdio::null()).spawn().unwrap();
     let wait_for = |what: &dyn Fn() -> bool| {
         let begun = Instant::now();
-        while !what() && begun.elapsed() < Duration::from_secs(60) {
+        while !what() && begun.elapsed() < Duration::from_mins(1) {
             std::thread::sleep(Duration::from_millis(20));
         }
         what()

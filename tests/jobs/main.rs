@@ -5,5 +5,5 @@
 mod batches;
 mod changed;
 mod dask;
-mod faults;
 mod facade;
+mod faults;

@@ -62,7 +62,8 @@ fn gdal_finds_a_mosaic_in_a_real_system_to_the_last_bit() {
         for (name, told) in names.iter().zip(told.as_array().unwrap()) {
             assert_eq!(told["faults"], json!([]), "{name}");
             let due = [0.01, 0.0, 500_000.1, 0.0, -0.01, 4_200_001.5].map(f64::to_bits);
-            let bits: Vec<_> = floats(&told["transform"]).iter().map(|v| (v + 0.0).to_bits()).collect();
+            let bits: Vec<_> =
+                floats(&told["transform"]).iter().map(|v| (v + 0.0).to_bits()).collect();
             assert_eq!(bits, due, "{name}: {told}");
             assert_eq!(told["epsg"], 32634, "{name}");
             let index = floats(&told["index"]);

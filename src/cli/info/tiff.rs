@@ -224,7 +224,8 @@ mod tests {
         tags.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, -1.5, 7.25, 0.0_f64][..]).unwrap();
         tags.write_tag(Tag::GeoKeyDirectoryTag, &[1_u16, 1, 0, 1, 3072, 0, 1, 32634][..]).unwrap();
         tags.write_tag(Tag::GdalNodata, "nan").unwrap();
-        image.resolution(tiff::tags::ResolutionUnit::Inch, tiff::encoder::Rational { n: 145, d: 2 });
+        image
+            .resolution(tiff::tags::ResolutionUnit::Inch, tiff::encoder::Rational { n: 145, d: 2 });
         let tags = image.encoder();
         let xml =
             "<GDALMetadata>\n<Item name=\"LAYER\">a &amp;lt; b\nc &amp;amp;</Item></GDALMetadata>";

@@ -53,7 +53,7 @@ mod tests {
                 let starts = cut(&weights, count);
                 assert_eq!(starts.len(), count.min(weights.len()), "{weights:?} {count}");
                 assert!(starts.is_sorted_by(|a, b| a < b) && starts[0] == 0);
-                assert!(starts.iter().all(|&s| (s as usize) < weights.len()));
+                assert!(starts.iter().all(|&s| s < weights.len() as u64));
             }
         }
     }

@@ -16,6 +16,8 @@ use crate::{Error, Result};
 #[derive(Debug)]
 pub(super) struct Earlier {
     record: Option<JobRecord>,
+    /// Whether another job may take its place.
+    is_change: bool,
 }
 
 impl Earlier {
@@ -25,11 +27,11 @@ impl Earlier {
     /// If there is one that cannot be read; where it is to be replaced, one of another version counts as none.
     pub(super) fn find(folder: &JobFolder, is_change: bool) -> Result<Self> {
         if !folder.manifest().exists() {
-            return Ok(Self { record: None });
+            return Ok(Self { record: None, is_change });
         }
         match JobRecord::load(folder) {
-            Ok(record) => Ok(Self { record: Some(record) }),
-            Err(Error::Corrupt { .. }) if is_change => Ok(Self { record: None }),
+            Ok(record) => Ok(Self { record: Some(record), is_change }),
+            Err(Error::Corrupt { .. }) if is_change => Ok(Self { record: None, is_change }),
             Err(e) => Err(e),
         }
     }
@@ -48,7 +50,7 @@ impl Earlier {
 ///
 /// # Errors
 /// [`Error::Usage`] if there is another job and it is not to be changed; failed file operations.
-pub(super) fn replace(earlier: Earlier, job: &Job, is_change: bool, quiet: bool) -> Result<()> {
+pub(super) fn replace(earlier: Earlier, job: &Job, quiet: bool) -> Result<()> {
     let (folder, new) = (&job.folder, &job.record);
     let parts = folder.parts()?;
     let Some(old) = earlier.record else { return new.save(folder) };
@@ -58,7 +60,7 @@ pub(super) fn replace(earlier: Earlier, job: &Job, is_change: bool, quiet: bool)
         }
         return new.save(folder);
     }
-    if !is_change {
+    if !earlier.is_change {
         let folder = folder.path().display();
         return Err(Error::usage(format!(
             "{folder}: holds a job with other inputs or settings: take another folder, or --changed"

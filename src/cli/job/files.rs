@@ -16,8 +16,8 @@ pub(in crate::cli) struct Files {
     pub(in crate::cli) mosaics: Vec<PathBuf>,
     /// The frame of each section.
     pub(in crate::cli) frames: Vec<PathBuf>,
-    /// What else lies beside them.
-    pub(in crate::cli) sidecars: Vec<PathBuf>,
+    /// What else lies beside each.
+    pub(in crate::cli) sidecars: Vec<Vec<PathBuf>>,
 }
 
 impl Files {
@@ -32,16 +32,19 @@ impl Files {
         let mosaics: Vec<_> = (0..record.manifest.sections()).map(mosaic).collect();
         let frames = mosaics.iter().map(|mosaic| frame_file(mosaic)).collect();
         let kinds = record.manifest.sidecars();
-        let beside = |mosaic: &PathBuf| -> Vec<_> {
-            kinds.iter().map(|&kind| sidecar_file(mosaic, kind)).collect()
-        };
-        let sidecars = mosaics.iter().flat_map(beside).collect();
+        let beside =
+            |mosaic: &PathBuf| kinds.iter().map(|&kind| sidecar_file(mosaic, kind)).collect();
+        let sidecars = mosaics.iter().map(beside).collect();
         Self { layers, mosaics, frames, sidecars }
     }
 
     /// All of them.
     pub(in crate::cli) fn all(&self) -> impl Iterator<Item = &Path> {
-        self.layers.iter().chain(&self.frames).chain(&self.sidecars).map(PathBuf::as_path)
+        self.layers
+            .iter()
+            .chain(&self.frames)
+            .chain(self.sidecars.iter().flatten())
+            .map(PathBuf::as_path)
     }
 }
 

@@ -56,7 +56,7 @@ fn stages(
         Some(batches) if cutting.is_open() => batches.to_vec(),
         _ => cut(&weights, count),
     };
-    changed::replace(earlier, &planned.job, is_change, config.quiet)?;
+    changed::replace(earlier, &planned.job, config.quiet)?;
     let record = &planned.job.record;
     let (count, tiles) = (record.batch_count(), weights.len());
     let job = folder.path().display();

@@ -163,7 +163,7 @@ impl JobRecord {
     pub(in crate::cli) fn save(&self, folder: &JobFolder) -> Result<()> {
         let mut json = serde_json::to_vec_pretty(self).expect("its keys are strings");
         json.push(b'\n');
-        write_atomically(&folder.manifest(), &json)
+        write_atomically(folder.manifest(), &json)
     }
 
     /// The mosaic.

@@ -23,8 +23,8 @@ pub(in crate::cli) fn run(args: &RenderArgs) -> Result<ExitStatus> {
     let parts = folder.parts()?;
     let batches = wanted(args, &record, &parts)?;
     if args.missing {
-        let lines: String = batches.iter().map(|batch| format!("{batch}\n")).collect();
-        console::answer(&lines);
+        let lines: Vec<_> = batches.iter().map(ToString::to_string).collect();
+        console::answer(&if lines.is_empty() { String::new() } else { lines.join("\n") + "\n" });
         return Ok(ExitStatus::Done);
     }
     if let Some(parent) = args.parent {

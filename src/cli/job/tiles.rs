@@ -49,7 +49,7 @@ impl BatchRun<'_> {
         let made = run(&batch, &renderer, &|p| progress.add_weighted(1, (self.weight)(p.tile)));
         progress.finish();
         let finished = made?.peak_bytes;
-        self.parts.publish(claim)?;
+        self.parts.publish(&claim)?;
         Ok(self.memory(renderer.peak_bytes(), finished))
     }
 

@@ -1,7 +1,7 @@
 //! The plan of a job: its grid, its scene, and the record that says it all.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -236,7 +236,7 @@ fn mesh_record(folder: &JobFolder, inputs: &Inputs, stores: &Stores) -> Result<M
     };
     let meshes = inputs.meshes.iter();
     let files = meshes.flat_map(|mesh| {
-        let further = mesh.further_files().iter().map(|path| path.as_path());
+        let further = mesh.further_files().iter().map(PathBuf::as_path);
         std::iter::once(mesh.path()).chain(further)
     });
     let store = stores.mesh.path().file_name().and_then(|name| name.to_str());

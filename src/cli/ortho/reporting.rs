@@ -32,7 +32,7 @@ pub(in crate::cli) struct Found {
     /// The elevation at which a section ends.
     elevation: Option<f64>,
     statistics: Statistics,
-    /// The layers, the frame, and last the mosaic.
+    /// The layers, what lies beside the mosaic, and last the mosaic.
     files: Vec<PathBuf>,
 }
 
@@ -42,14 +42,15 @@ pub(in crate::cli) fn found(
     statistics: Vec<Statistics>,
     files: &Files,
 ) -> Vec<Found> {
-    let each = statistics.into_iter().zip(&files.frames).enumerate();
-    let of = |(section, (statistics, frame)): (usize, (Statistics, &PathBuf))| {
+    let each = statistics.into_iter().enumerate();
+    let of = |(section, statistics): (usize, Statistics)| {
         let both = record.manifest.layers().iter().zip(&files.layers);
         let own = both.filter(|(layer, _)| usize::from(layer.section()) == section);
         let (mosaics, mut written): (Vec<_>, Vec<_>) =
             own.partition(|(layer, _)| layer.meaning() == Meaning::Mosaic);
         let paths = written.drain(..).map(|(_, path)| path);
-        let files = paths.chain([frame]).chain(mosaics.iter().map(|(_, path)| *path));
+        let beside = files.sidecars[section].iter().chain([&files.frames[section]]);
+        let files = paths.chain(beside).chain(mosaics.iter().map(|(_, path)| *path));
         let elevation = record.sections.get(section).copied();
         Found { elevation, statistics, files: files.cloned().collect() }
     };
