@@ -186,16 +186,20 @@ fn a_project_file_speaks_for_flags_and_its_faults_are_placed() {
 }
 
 #[test]
-fn what_comes_later_is_refused_and_says_so() {
-    for arguments in [
-        &["plan", "--job", "j", "--mesh", "m.ply", "--batches", "4"][..],
-        &["render", "j", "--batch", "3"],
-        &["render", "j", "--missing"],
-        &["assemble", "j", "--out", "o.tif"],
+fn a_job_that_is_not_there_or_not_whole_is_refused_and_nothing_is_made() {
+    for (arguments, said) in [
+        (&["plan", "--job", "j", "--mesh", "m.ply", "--batches", "4"][..], "--cameras is missing"),
+        (&["plan", "--mesh", "m.ply"], "--job"),
+        (&["plan", "--job", "j", "--batches", "0"], "--batches"),
+        (&["plan", "--job", "j", "--batches", "3", "--batch-mpx", "5"], "cannot be used with"),
+        (&["render", "j", "--batch", "3"], "j: expected the folder of a job"),
+        (&["render", "j", "--missing"], "j: expected the folder of a job"),
+        (&["assemble", "j", "--out", "o.tif"], "j: expected the folder of a job"),
+        (&["assemble", "j"], "--out"),
     ] {
         let output = groundel(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        assert!(stderr(&output).contains("later version"), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(said), "{arguments:?}: {}", stderr(&output));
     }
     assert!(!Path::new("j").exists());
 }

@@ -123,6 +123,8 @@ impl Config {
         let args = print_size::resolved(args)?;
         let out = job::check_name(needed(args.out.clone(), "out")?)?;
         check_surface(&args)?;
+        let cameras = needed(args.cameras.clone(), "cameras")?;
+        let photos = needed(args.photos.clone(), "photos")?;
         let sections = args.sections.map(sections::elevations).unwrap_or_default();
         let frame = sections::over_all(frame_choice::frame(&args, frame)?, &sections)?;
         let sidecars = sidecars::asked(&args, &frame)?;
@@ -134,9 +136,9 @@ impl Config {
         };
         let camera_options = args.camera.options(args.photos.clone(), args.force);
         Ok(Self {
-            cameras: needed(args.cameras.clone(), "cameras")?,
+            cameras,
             camera_options: CameraOptions { odm_offset, ..camera_options },
-            photos: needed(args.photos.clone(), "photos")?,
+            photos,
             frame,
             sections,
             meshes: args.mesh,

@@ -124,7 +124,7 @@ mod tests {
             ([0.0, f64::INFINITY, 1.0], "finite"),
             ([0.0, 100.1, 0.1], "at most 1000"),
             ([0.0, 1e-9, 1e-10], "tells sections apart"),
-            ([1e12, 1e12 + 1.0, 1e-2], "tells sections apart"),
+            ([1e15, 1e15 + 1.0, 1e-2], "tells sections apart"),
         ] {
             let error = check(list).unwrap_err();
             assert!(error.contains(found), "{list:?}: {error}");

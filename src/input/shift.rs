@@ -86,7 +86,7 @@ mod tests {
             assert!(error.contains("coords.txt") && error.contains(said), "{error}");
         }
         let missing = Shift::OfOdm(folder.path().join("none.txt")).metres().unwrap_err();
-        assert_eq!(missing.exit_code(), 4);
+        assert_eq!(missing.exit_code(), 2);
         let stated = Shift::Stated([1.0, 2.0, 3.0]);
         assert_eq!(stated.metres().map_err(|e| e.to_string()), Ok([1.0, 2.0, 3.0]));
     }
