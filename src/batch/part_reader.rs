@@ -18,7 +18,7 @@ const BUFFER: usize = 1 << 18;
 /// A part file and the index of its tiles.
 ///
 /// Memory: 32 bytes a tile. Tiles may be read by several threads, one after the other. The file is open from the first tile
-/// that is read until [`Self::close`]: a job may have more parts than a process may have open files.
+/// that is read until it is closed: a job may have more parts than a process may have open files.
 #[derive(Debug)]
 pub struct PartReader {
     path: PathBuf,
