@@ -15,8 +15,17 @@ use super::masking::Masking;
 use super::sections::Findings;
 use super::tile::View;
 
-/// Largest window, pixels: points whose taps lie farther apart are sampled in parts. Four photo tiles.
+/// Largest window, pixels of level 0: points whose taps lie farther apart are sampled in parts. Four photo tiles; half of it on
+/// coarser levels, whose windows are widened to whole pixels.
 const WINDOW_AREA: usize = 4 * 256 * 256;
+
+/// Pixels of a window for each of its points, and beside them: where depth jumps, neighbours in the mosaic lie far apart in a
+/// photo, and all that lies between them need not be decoded.
+const POINT_AREA: usize = 16;
+const LEAST_AREA: usize = 64 * 64;
+
+/// Pixels of a photo that are fetched ahead for each of a block, at most: more lies around few points.
+const AHEAD: usize = 16;
 
 /// Colours one block after another, reusing its memory.
 #[derive(Debug)]
@@ -67,7 +76,8 @@ impl Colouring {
         });
         scene.pixels.prefetch(views.iter().filter_map(|view| {
             let photo = usize::from(scene.photos[view.photo].index);
-            Some((photo, pixels_around(&view.points.photo_bounds()?)))
+            let around = pixels_around(&view.points.photo_bounds()?);
+            (around.area() <= AHEAD * surface.rect.area()).then_some((photo, around))
         }))?;
         for (k, sub) in surface.rect.blocks(SUB_BLOCK).enumerate() {
             self.samples.begin(sub);
@@ -143,7 +153,7 @@ impl Sampler {
             chosen.clear();
             chosen
                 .extend((0_u32..).zip(&self.levels).filter(|(_, l)| **l == level).map(|(i, _)| i));
-            let done = self.sample_level(scene, k, view, level, &chosen);
+            let done = self.sample_chosen(scene, (k, level), &view.positions, &mut chosen);
             self.chosen = chosen;
             done?;
         }
@@ -152,53 +162,50 @@ impl Sampler {
 
     /// Samples all points at level 0.
     fn sample_finest(&mut self, scene: &Scene, k: usize, positions: &[DVec2]) -> Result<()> {
-        let mut colours = std::mem::take(&mut self.colours);
-        colours.clear();
-        colours.resize(positions.len(), [0.0; 3]);
-        let done = self.sample_part(scene, k, positions, &mut colours);
-        self.colours = colours;
+        self.colours.clear();
+        self.colours.resize(positions.len(), [0.0; 3]);
+        let rect = taps_of(scene.interpolation, positions, 0);
+        if is_close(&rect, positions.len(), 0) {
+            scene.pixels.window_into(k, 0, rect, &mut self.window)?;
+            sample_into(&self.window, scene.interpolation, positions, &mut self.colours);
+            return Ok(());
+        }
+        let mut chosen = std::mem::take(&mut self.chosen);
+        chosen.clear();
+        chosen.extend((0_u32..).zip(positions).map(|(i, _)| i));
+        let done = self.sample_chosen(scene, (k, 0), positions, &mut chosen);
+        self.chosen = chosen;
         done
     }
 
-    /// Samples some points at level 0: in one window, or in halves where that would be too large.
-    fn sample_part(
+    /// Samples the `chosen` points at one level of a photo: in one window if they lie close together there, else in two parts,
+    /// each on its side of the middle of what they span. The order of `chosen` changes; each colour is that of its point alone.
+    fn sample_chosen(
         &mut self,
         scene: &Scene,
-        k: usize,
+        (k, level): (usize, u32),
         positions: &[DVec2],
-        out: &mut [[f32; 3]],
-    ) -> Result<()> {
-        let rect = taps_of(scene.interpolation, positions, 0);
-        if rect.area() > WINDOW_AREA && positions.len() > 1 {
-            let (first, second) = positions.split_at(positions.len() / 2);
-            let (to_first, to_second) = out.split_at_mut(first.len());
-            self.sample_part(scene, k, first, to_first)?;
-            return self.sample_part(scene, k, second, to_second);
-        }
-        scene.pixels.window_into(k, 0, rect, &mut self.window)?;
-        sample_into(&self.window, scene.interpolation, positions, out);
-        Ok(())
-    }
-
-    /// Samples the `chosen` points at one level: in one window, or in halves where that would be too large.
-    fn sample_level(
-        &mut self,
-        scene: &Scene,
-        k: usize,
-        view: &ViewTile,
-        level: u32,
-        chosen: &[u32],
+        chosen: &mut [u32],
     ) -> Result<()> {
         if chosen.is_empty() {
             return Ok(());
         }
         self.positions.clear();
-        self.positions.extend(chosen.iter().map(|&i| view.positions[i as usize]));
+        self.positions.extend(chosen.iter().map(|&i| positions[i as usize]));
         let rect = taps_of(scene.interpolation, &self.positions, level);
-        if rect.area() > WINDOW_AREA && chosen.len() > 1 {
-            let (first, second) = chosen.split_at(chosen.len() / 2);
-            self.sample_level(scene, k, view, level, first)?;
-            return self.sample_level(scene, k, view, level, second);
+        let spanned = Bounds2::of(self.positions.iter().copied());
+        let middle = (spanned.min + spanned.max) / 2.0;
+        let is_wide = spanned.max.x - spanned.min.x >= spanned.max.y - spanned.min.y;
+        let is_first = |&i: &u32| {
+            let position = positions[i as usize];
+            if is_wide { position.x < middle.x } else { position.y < middle.y }
+        };
+        let first = if is_close(&rect, chosen.len(), level) { 0 } else { parted(chosen, is_first) };
+        // All on one side: they lie at one place.
+        if first > 0 && first < chosen.len() {
+            let (low, high) = chosen.split_at_mut(first);
+            self.sample_chosen(scene, (k, level), positions, low)?;
+            return self.sample_chosen(scene, (k, level), positions, high);
         }
         scene.pixels.window_into(k, level, rect, &mut self.window)?;
         self.sampled.clear();
@@ -209,4 +216,22 @@ impl Sampler {
         }
         Ok(())
     }
+}
+
+/// Whether a window of a level is worth reading for so many points.
+fn is_close(rect: &PixelRect, points: usize, level: u32) -> bool {
+    let most = if level == 0 { WINDOW_AREA } else { (WINDOW_AREA / 2) >> (2 * level.min(16)) };
+    points < 2 || rect.area() <= (LEAST_AREA + POINT_AREA * points).min(most)
+}
+
+/// Moves the numbers for which `is_first` says yes to the front; how many there are.
+fn parted(numbers: &mut [u32], is_first: impl Fn(&u32) -> bool) -> usize {
+    let mut first = 0;
+    for at in 0..numbers.len() {
+        if is_first(&numbers[at]) {
+            numbers.swap(first, at);
+            first += 1;
+        }
+    }
+    first
 }

@@ -19,8 +19,9 @@ use crate::{Error, Result};
 
 /// Most pixels of a window: 2²⁶, which is 192 MiB of RGB. A window serves some blocks of a mosaic tile.
 const MAX_WINDOW_PIXELS: u64 = 1 << 26;
-/// Most pixels of level 0 that a window of a coarser level is halved from: 512 × 512.
-const MAX_COARSE_PIXELS: usize = 1 << 18;
+/// Most pixels of level 0 that a window of a coarser level is halved from. A single point of the coarsest level of a photo of
+/// 24 megapixels needs 1.6 million; by whole tiles of that level it would need the whole photo.
+const MAX_COARSE_PIXELS: usize = 2 << 20;
 /// The part of the cache that one prefetch may fill.
 const PREFETCH_SHARE: u64 = 4;
 /// Most photos of a store: their number has 24 bits in the cache's keys.

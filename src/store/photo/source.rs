@@ -32,8 +32,8 @@ pub(super) fn tile_ids(level: u32, tiles: PixelRect) -> impl Iterator<Item = Til
 
 impl PhotoStore {
     /// Memory that a thread holds at most while it decodes a window of a photo that is read by an index, bytes: samples of
-    /// a block of tiles and a margin, tiles cut from them, the window's data twice, and the decoder's rows.
-    pub const WINDOW_BYTES: u64 = 6 << 20;
+    /// a block of tiles and a margin, tiles cut from them, the window's data twice, and the decoder's rows; or what a window of a coarse level is halved from.
+    pub const WINDOW_BYTES: u64 = 14 << 20;
 
     /// Decoded tiles of a photo, row by row, from memory, the cache or the photo's source; at most a
     /// [block](PreparedPhoto::block) of them.
