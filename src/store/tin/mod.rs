@@ -8,7 +8,7 @@
 //! Does not know any format of clouds.
 //!
 //! How: the points are sorted along a Z-order curve on disk (`sort`) and cut into leaves of a few thousand
-//! (`leaves`). A block, a run of leaves, is triangulated with all points within the greatest edge of it ([`block`]): a
+//! (`leaves`). A block, a run of leaves, is triangulated with all points within the greatest edge of it (`block`): a
 //! triangle of the whole whose vertices are there is a triangle of the part too, so none is missed; one of the part is one
 //! of the whole if its circle holds no point elsewhere, which is asked of the leaves that the circle meets (`circle`).
 //! Where more than three points lie on one circle, the triangulation is not unique; the fan from the first of them is
