@@ -91,7 +91,7 @@ fn reference(folder: &Path) -> (PathBuf, Vec<Vec<u8>>) {
     (part, files)
 }
 
-fn names(folder: &Path) -> Vec<String> {
+pub(super) fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
     let mut names: Vec<_> =
         entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();

@@ -97,8 +97,17 @@ mod tests {
         let at: Vec<f64> = (0..1003).map(|k| f64::from(k) * 0.013_7 - 5.0).collect();
         let (mut narrow, mut wide) = (vec![0.0; at.len()], vec![0.0; at.len()]);
         run_baseline(Horner { at: &at, out: &mut narrow });
-        run_widest(Horner { at: &at, out: &mut wide });
-        assert!(narrow.iter().zip(&wide).all(|(a, b)| a.to_bits() == b.to_bits()));
+        let mut check = |name: &str, run: &dyn Fn(Horner<'_>)| {
+            wide.fill(0.0);
+            run(Horner { at: &at, out: &mut wide });
+            assert!(narrow.iter().zip(&wide).all(|(a, b)| a.to_bits() == b.to_bits()), "{name}");
+        };
+        check("widest", &|kernel| run_widest(kernel));
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the CPU has AVX2.
+            check("AVX2", &|kernel| unsafe { run_avx2(kernel) });
+        }
         assert!(narrow.iter().any(|v| v.to_bits() != narrow[0].to_bits()));
     }
 }

@@ -6,4 +6,7 @@
 pub mod mesh;
 mod mmap;
 pub mod photo;
+mod sampled;
 pub mod tin;
+
+pub(crate) use sampled::{SAMPLE_BYTES, visit_samples};

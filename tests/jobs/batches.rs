@@ -132,7 +132,7 @@ fn what_is_missing_is_named_and_what_is_no_job_is_refused() {
 }
 
 #[test]
-fn perspective_views_developments_masks_and_16_bit_photos_are_jobs_too() {
+fn perspective_views_developments_masks_and_point_clouds_are_jobs_too() {
     let facade = Facade::new();
     let masks = facade.path("masks");
     fs::create_dir(&masks).unwrap();
@@ -147,10 +147,22 @@ fn perspective_views_developments_masks_and_16_bit_photos_are_jobs_too() {
     fs::write(&drum, format!("{axis}radius = 3.0\nfacing = \"outside\"\npixel_size = 0.02\n"))
         .unwrap();
     let masks = masks.to_str().unwrap();
+    // A curved sheet of points half a metre before the mesh, over a part of its plane.
+    let points = facade.path("sheet.txt");
+    let (u, n) = ([0.939_372_712_847, 0.342_897_807_455], [0.342_897_807_455, -0.939_372_712_847]);
+    let cloud = (0..4000).map(|k| {
+        let (a, z) = (1.0 + f64::from(k % 80) * 0.02, 1.0 + f64::from(k / 80) * 0.02);
+        let e = 0.5 + 0.05 * (3.0 * a).sin();
+        let [x, y] = [0, 1].map(|i| [120.0, 350.0][i] + u[i] * a + n[i] * e);
+        format!("{x} {y} {}\n", 61.5 + z)
+    });
+    fs::write(&points, cloud.collect::<String>()).unwrap();
+    let points = points.to_str().unwrap();
     for (name, flags) in [
         ("view", ["--frame", view.to_str().unwrap(), "--exclude", "IMG_0002.jpg"]),
         ("drum", ["--frame", drum.to_str().unwrap(), "--masks", masks]),
         ("masked", ["--masks", masks, "--blend", "best"]),
+        ("sheet", ["--points", points, "--beta", "1.5"]),
     ] {
         let whole = facade.ortho(name, &flags);
         let job = facade.path(&format!("job {name}"));

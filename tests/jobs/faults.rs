@@ -7,7 +7,9 @@ use std::time::{Duration, Instant};
 
 use groundel::synthetic::Random;
 
-use super::facade::{Facade, assemble, done, ended, files, missing, names, refused, render};
+use super::facade::{
+    Facade, assemble, done, ended, files, groundel, missing, names, refused, render,
+};
 
 fn is_unfinished(name: &str) -> bool {
     Path::new(name).extension().is_some_and(|end| end == "unfinished")
@@ -171,4 +173,52 @@ fn a_folder_that_takes_no_files_and_a_disk_that_fills_are_clear_errors_and_can_b
     assert_eq!(codes, "read-only 4\nfull 4\nroom 0\nassembled 0\n", "{said}");
     assert!(said.contains("Read-only file system") && said.contains("No space left"), "{said}");
     assert!(files(&out) == whole);
+}
+
+#[test]
+fn a_damaged_manifest_is_an_error_or_a_job_and_never_a_panic() {
+    let facade = Facade::new();
+    let job = facade.path("job");
+    done(&mut facade.plan(&job, &["--batches", "2"]));
+    let manifest = job.join("manifest.json");
+    let whole = fs::read(&manifest).unwrap();
+    let mut refused = 0;
+    let mut run = |bytes: &[u8], is_render: bool| {
+        fs::write(&manifest, bytes).unwrap();
+        let mut command = groundel();
+        if is_render {
+            command.arg("render").arg(&job).args(["--quiet", "--batch", "0"]);
+        } else {
+            command.arg("info").arg(&job);
+        }
+        let (code, _, said) = ended(&command.output().unwrap());
+        assert!(matches!(code, Some(0 | 2..=4)), "{code:?} {said}");
+        refused += usize::from(code != Some(0));
+    };
+    // One digit, letter or bracket for another; cut short.
+    for k in 0..150 {
+        let mut bytes = whole.clone();
+        let place = (k * 7919 + 31) % whole.len();
+        match k % 3 {
+            0 => bytes[place] = b"0123456789"[k / 3 % 10],
+            1 => bytes[place] = b"-.,[]{}\"eaZ"[k / 3 % 11],
+            _ => bytes.truncate(place),
+        }
+        run(&bytes, k % 10 == 0);
+    }
+    // Ids beyond the set, out of order; batches of no tile.
+    let text = String::from_utf8(whole.clone()).unwrap();
+    for (from, to) in [
+        ("\"id\": 0,", "\"id\": 4000000000,"),
+        ("\"id\": 0,", "\"id\": 5,"),
+        ("\"batches\": [\n    0,", "\"batches\": [\n    1,"),
+        ("\"tile_size\": 64", "\"tile_size\": 4294967280"),
+        ("\"width\": ", "\"width\": 4"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        run(text.replace(from, to).as_bytes(), true);
+    }
+    assert!(refused > 80, "{refused}");
+    fs::write(&manifest, whole).unwrap();
+    done(&mut render(&job, &[]));
 }

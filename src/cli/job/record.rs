@@ -140,6 +140,17 @@ impl JobRecord {
             return Err(corrupt("key `groundel`", &expected, found));
         }
         record.manifest.check(&path)?;
+        // Ids number the whole set: what is found of a photo is counted under its own.
+        let ids = || record.photos.iter().map(|photo| u64::from(photo.id));
+        let names = record.names.len() as u64;
+        if !ids().is_sorted_by(|a, b| a < b) || ids().any(|id| id >= names) {
+            let expected = format!("photos by id, below {names}");
+            return Err(corrupt(
+                "key `photos`",
+                &expected,
+                format!("{:?}", ids().collect::<Vec<_>>()),
+            ));
+        }
         let (sections, layers) = (record.sections.len(), record.manifest.sections());
         if layers != sections.max(1) || !record.sections.is_sorted_by(|a, b| a < b) {
             let expected = format!("elevations of {layers} sections, ascending");

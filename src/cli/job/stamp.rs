@@ -8,10 +8,9 @@ use std::time::UNIX_EPOCH;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 
+use crate::store::{SAMPLE_BYTES, visit_samples};
 use crate::{Error, Result};
 
-/// Bytes looked at in each of three places of a file.
-const SAMPLE_BYTES: u64 = 1 << 20;
 /// Bytes read at a time.
 const BUFFER_BYTES: usize = 1 << 18;
 
@@ -79,15 +78,7 @@ fn modified(meta: &Metadata) -> u64 {
 
 fn sample(file: &mut File, bytes: u64) -> std::io::Result<String> {
     let mut hash = Xxh3Default::new();
-    let mut buffer = Vec::new();
-    let starts =
-        [0, (bytes / 2).saturating_sub(SAMPLE_BYTES / 2), bytes.saturating_sub(SAMPLE_BYTES)];
-    for start in starts {
-        file.seek(SeekFrom::Start(start))?;
-        buffer.clear();
-        file.by_ref().take(SAMPLE_BYTES).read_to_end(&mut buffer)?;
-        hash.update(&xxh3_64(&buffer).to_le_bytes());
-    }
+    visit_samples(file, bytes, &mut |sample| hash.update(&xxh3_64(sample).to_le_bytes()))?;
     Ok(format!("{:032x}", hash.digest128()))
 }
 

@@ -6,7 +6,7 @@
 
 use std::fmt;
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io;
 use std::iter;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -17,10 +17,8 @@ use xxhash_rust::xxh3::Xxh3;
 use super::lattice::STEPS_LOG2;
 use super::layout::{PARTITION_TRIANGLES, VERSION};
 use crate::geom::MeshSource;
+use crate::store::visit_samples;
 use crate::{Error, Result};
-
-/// Bytes looked at in each of three places of a file.
-const SAMPLE_BYTES: u64 = 1 << 20;
 
 /// Fingerprint of the input files and the settings of a mesh store.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -84,15 +82,7 @@ pub(in crate::store) fn add_file(hash: &mut Xxh3, path: &Path) -> io::Result<()>
     // Before 1970, or unknown: zero; length and content still count.
     let modified = about.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
     hash.update(&modified.unwrap_or_default().as_nanos().to_le_bytes());
-    let last = bytes.saturating_sub(SAMPLE_BYTES);
-    let mut sample = Vec::new();
-    for start in [0, last / 2, last] {
-        sample.clear();
-        file.seek(SeekFrom::Start(start))?;
-        Read::by_ref(&mut file).take(SAMPLE_BYTES).read_to_end(&mut sample)?;
-        hash.update(&sample);
-    }
-    Ok(())
+    visit_samples(&mut file, bytes, &mut |sample| hash.update(sample))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! [`PhotoTiles`]: one photo's store file, built or opened.
 
 use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
@@ -14,12 +14,11 @@ use super::format::{ENTRY_BYTES, Entry, HEADER_BYTES, Header, Shape, VERSION, ti
 use super::pyramid::Pyramid;
 use crate::geom::Size;
 use crate::input::photo::{JpegCoding, PhotoFormat, PhotoHeader, Rows, decode_mask, decode_photo};
+use crate::store::visit_samples;
 use crate::{Error, Result};
 
 /// How the names of unfinished store files begin.
 pub(super) const UNFINISHED_PREFIX: &str = ".unfinished-";
-/// Bytes hashed at the start, the middle and the end of a photo.
-const HASHED_BYTES: usize = 1 << 20;
 /// What encoder, decoder and file buffers take beside the strips, and a margin for the allocator.
 const FIXED_BYTES: u64 = 4 << 20;
 
@@ -35,7 +34,7 @@ impl PhotoFingerprint {
     /// [`Error::Io`].
     pub fn of(name: &str, path: &Path) -> Result<Self> {
         let io = |e| Error::io(path, e);
-        let file = File::open(path).map_err(io)?;
+        let mut file = File::open(path).map_err(io)?;
         let meta = file.metadata().map_err(io)?;
         // A file system without times leaves the content alone to tell.
         let modified = meta.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
@@ -45,16 +44,8 @@ impl PhotoFingerprint {
         hash.update(name.as_bytes());
         hash.update(&meta.len().to_le_bytes());
         hash.update(&modified.map_or(0, |t| t.as_nanos()).to_le_bytes());
-        let length = meta.len();
-        let part = HASHED_BYTES as u64;
-        let starts = [0, (length / 2).saturating_sub(part / 2), length.saturating_sub(part)];
-        let mut buffer = Vec::new();
-        for start in starts {
-            (&file).seek(SeekFrom::Start(start)).map_err(io)?;
-            buffer.clear();
-            (&file).take(part).read_to_end(&mut buffer).map_err(io)?;
-            hash.update(&xxh3_64(&buffer).to_le_bytes());
-        }
+        let mut add = |sample: &[u8]| hash.update(&xxh3_64(sample).to_le_bytes());
+        visit_samples(&mut file, meta.len(), &mut add).map_err(io)?;
         Ok(Self(hash.digest128()))
     }
 }

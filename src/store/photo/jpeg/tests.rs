@@ -382,3 +382,23 @@ fn files_open_stay_few() {
     (0..80).for_each(|k| drop(store.window(k, 0, PixelRect::new(0, 0, 9, 9)).unwrap()));
     assert_eq!(store.indexed.open_count(), 64);
 }
+
+#[test]
+fn a_point_of_a_coarse_level_is_made_of_the_pixels_around_it_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), &Coding { size: Size::new(3000, 2200), ..PLAIN });
+    let mut full = Naive::decode(&path);
+    for level in 1..=6 {
+        full = full.halved();
+        let (store, is_indexed) = prepare(&path).unwrap();
+        assert!(is_indexed);
+        // The taps of one bicubic sample, near a corner.
+        let window = store.window(0, level, PixelRect::new(3, 3, 7, 7)).unwrap();
+        full.assert_equals(&window);
+        // Four pixels a side, grown to whole tiles of 256 and a margin.
+        let side = (4_u64 << level) + 2 * 256 + 64;
+        let decoded = store.statistics().pixels_decoded;
+        assert!(decoded > 0 && decoded <= side * side, "level {level}: {decoded}");
+        assert!(decoded < 3000 * 2200 / 2, "level {level}: {decoded}");
+    }
+}
