@@ -56,10 +56,10 @@ type Outcome = std::result::Result<PreparedPhoto, LeftOut>;
 ///
 /// The outcomes are in the order of `sources`. A photo that is missing, broken, unsupported or of another size than
 /// expected is left out, with the reason; of one that is not needed only the header tells. `progress` is called from
-/// several threads, once a photo. A lock on the folder keeps other processes waiting meanwhile.
+/// several threads, once a photo. While files are made, a lock on the folder keeps other processes that would make some waiting.
 ///
 /// Steps: 1. in parallel, each header is read and each store file that matches is opened; 2. it is chosen how each
-/// photo is read (see [`Reading::Auto`]); 3. if a store file has to be built that needs more than the budget, nothing is
+/// photo is read (see [`Reading::Auto`]), and if files are to be made, both again under the lock; 3. if a store file has to be built that needs more than the budget, nothing is
 /// begun; 4. in parallel, photos are decoded and store files built.
 ///
 /// # Errors
@@ -95,43 +95,81 @@ fn prepare(
 ) -> Result<Vec<Outcome>> {
     let folder = preparation.folder;
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let _lock = lock(folder)?;
-    remove_leftovers(folder)?;
     let done = AtomicUsize::new(0);
     let report = || {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         progress(Progress { done, total: sources.len() })
     };
-    let surveyed = in_parallel(sources.len(), preparation.threads, &Budget::unlimited(), |i| {
-        let survey = survey(content, &sources[i], folder)?;
-        if matches!(survey, Survey::Known(_)) {
-            report()?;
-        }
-        Ok(survey)
-    })?;
-    let mut outcomes = Vec::with_capacity(sources.len());
-    let (mut numbers, mut needed) = (Vec::new(), Vec::new());
-    for (number, survey) in surveyed.into_iter().enumerate() {
-        match survey {
-            Survey::Known(outcome) => outcomes.push(Some(outcome)),
-            Survey::Needed(photo) => {
-                outcomes.push(None);
-                numbers.push(number);
-                needed.push(photo);
-            }
-        }
-    }
-    let ways = choose(content, &needed, preparation);
-    let works = numbers.iter().zip(&needed).zip(ways);
-    let works: Vec<_> = works
-        .map(|((&number, photo), way)| Work { path: &sources[number].path, photo, way })
+    let survey_all = || {
+        let surveyed = in_parallel(sources.len(), preparation.threads, &Budget::unlimited(), |i| {
+            survey(content, &sources[i], folder)
+        });
+        surveyed.map(|surveyed| Surveyed::new(content, surveyed, preparation))
+    };
+    // Processes that only read need not wait for one another, nor for one that decodes into its memory.
+    let mut surveyed = survey_all()?;
+    let _lock = if surveyed.writes(sources) {
+        let lock = lock(folder)?;
+        remove_leftovers(folder)?;
+        surveyed = survey_all()?;
+        Some(lock)
+    } else {
+        None
+    };
+    let Surveyed { mut outcomes, needed } = surveyed;
+    outcomes.iter().flatten().try_for_each(|_| report())?;
+    let works: Vec<_> = needed
+        .iter()
+        .map(|(number, photo, way)| Work { path: &sources[*number].path, photo, way: *way })
         .collect();
     let ready = make_all(content, &works, preparation, &report)?;
-    for (number, outcome) in numbers.into_iter().zip(ready) {
-        outcomes[number] = Some(outcome);
+    for ((number, ..), outcome) in needed.iter().zip(ready) {
+        outcomes[*number] = Some(outcome);
     }
     // None is left empty: a photo is known or was made ready.
     Ok(outcomes.into_iter().flatten().collect())
+}
+
+/// What is known of all photos: an outcome, or what is to be made ready, how, under its number.
+struct Surveyed {
+    outcomes: Vec<Option<Outcome>>,
+    needed: Vec<(usize, Needed, Way)>,
+}
+
+impl Surveyed {
+    fn new(content: Content, surveyed: Vec<Survey>, preparation: &Preparation<'_>) -> Self {
+        let mut outcomes = Vec::with_capacity(surveyed.len());
+        let (mut numbers, mut needed) = (Vec::new(), Vec::new());
+        for (number, survey) in surveyed.into_iter().enumerate() {
+            match survey {
+                Survey::Known(outcome) => outcomes.push(Some(outcome)),
+                Survey::Needed(photo) => {
+                    outcomes.push(None);
+                    numbers.push(number);
+                    needed.push(photo);
+                }
+            }
+        }
+        let ways = choose(content, &needed, preparation);
+        let needed = numbers.into_iter().zip(needed).zip(ways);
+        let needed = needed.map(|((number, photo), way)| (number, photo, way)).collect();
+        Self { outcomes, needed }
+    }
+
+    /// Whether a file has to be made.
+    fn writes(&self, sources: &[PhotoSource]) -> bool {
+        self.needed.iter().any(|(number, photo, way)| match way {
+            Way::Memory => false,
+            Way::Tiles => photo.existing.is_none(),
+            Way::Index => known_index(photo, &sources[*number].path).is_none(),
+        })
+    }
+}
+
+/// The index that is there and matches the photo.
+fn known_index(photo: &Needed, path: &Path) -> Option<IndexedJpeg> {
+    let known = IndexedJpeg::open_checked(&photo.index, path).ok();
+    known.filter(|known| known.fingerprint() == photo.fingerprint)
 }
 
 /// A photo to be made ready in the way that was chosen.
@@ -196,8 +234,7 @@ fn make(content: Content, work: Work<'_>) -> Result<Option<PreparedPhoto>> {
         )?),
         (Way::Index, _) => {
             // Not there, stale, cut or foreign: a new one takes its place.
-            let known = IndexedJpeg::open_checked(index, path).ok();
-            return Ok(match known.filter(|known| known.fingerprint() == *fingerprint) {
+            return Ok(match known_index(photo, path) {
                 Some(known) => Some(PreparedPhoto::indexed(known)),
                 None => IndexedJpeg::build(path, header, *fingerprint, index)?
                     .map(PreparedPhoto::indexed),
@@ -327,6 +364,23 @@ mod tests {
     }
 
     #[test]
+    fn a_process_that_makes_no_file_does_not_wait_for_one_that_does() {
+        let folder = tempfile::tempdir().unwrap();
+        write_photo(&folder.path().join("a.png"), Size::new(300, 40), ExtendedColorType::L8);
+        let sources = [source(folder.path(), "a.png", None)];
+        prepare(&sources, folder.path()).unwrap().remove(0).unwrap();
+        let held = lock(&folder.path().join("store")).unwrap();
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let at = folder.path().to_path_buf();
+        let reader = std::thread::spawn(move || {
+            sender.send(prepare(&sources, &at).unwrap().remove(0).is_ok()).unwrap();
+        });
+        assert_eq!(receiver.recv_timeout(std::time::Duration::from_mins(1)), Ok(true));
+        reader.join().unwrap();
+        drop(held);
+    }
+
+    #[test]
     fn a_store_is_used_again_while_it_matches_and_made_again_when_not() {
         let folder = tempfile::tempdir().unwrap();
         let photo = folder.path().join("a.png");
@@ -402,8 +456,8 @@ mod tests {
         assert_eq!(is_ready, [true, true, false, false]);
         let headers = check_headers(&sources, 2).unwrap();
         assert_eq!(headers.iter().map(std::result::Result::is_ok).collect::<Vec<_>>(), is_ready);
-        // No store beside the lock.
-        assert_eq!(std::fs::read_dir(folder.path().join("store")).unwrap().count(), 1);
+        // No store, and no lock: nothing is to be made.
+        assert_eq!(std::fs::read_dir(folder.path().join("store")).unwrap().count(), 0);
         // Its shape is known; a window of it is an error, not a picture.
         let ready = outcomes.into_iter().next().unwrap().unwrap();
         let store = PhotoStore::new([(0, ready)], 1 << 20).unwrap();
