@@ -153,7 +153,7 @@ fn write(case: &Case, folder: &Path) -> Vec<(Layer, Value)> {
         Manifest::new(case.size, case.format, layers.clone(), case.georeference, "test").unwrap();
     let part = folder.join("a.part");
     let tiles = curve_order(&manifest.pyramid());
-    let job = Run { manifest: &manifest, part: &part, others: &[], tiles: &tiles };
+    let job = Run { manifest: &manifest, part: &part, held: None, others: &[], tiles: &tiles };
     let render = |tile: TileAddress| {
         Ok(layers.iter().map(|l| raster(l, manifest.tile_rect(tile))).collect())
     };

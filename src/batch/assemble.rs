@@ -71,7 +71,7 @@ pub fn join(manifest: &Manifest, parts: &[PathBuf], joined: &Path) -> Result<Vec
     let renderer = |tile: TileAddress| -> Result<Vec<Raster>> {
         Err(Error::usage(format!("tile ({}, {}) is missing", tile.x, tile.y)))
     };
-    let job = Run { manifest, part: joined, others: parts, tiles: &tiles };
+    let job = Run { manifest, part: joined, held: None, others: parts, tiles: &tiles };
     run(&job, &renderer, &|_| Ok(()))?;
     all.push(joined.to_path_buf());
     Ok(all)

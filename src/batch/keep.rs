@@ -34,7 +34,7 @@ pub fn keep(
     if tiles.is_empty() {
         return Ok(0);
     }
-    let mut writer = PartWriter::create(to, new.fingerprint())?;
+    let mut writer = PartWriter::create(to, None, new.fingerprint())?;
     let mut bytes = Vec::new();
     let mut copy = |tile: TileKey, layers: usize, writer: &mut PartWriter| {
         (0..layers).try_for_each(|layer| {

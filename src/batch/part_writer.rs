@@ -27,25 +27,26 @@ pub struct PartWriter {
 }
 
 impl PartWriter {
-    /// Begins a part of the job with this fingerprint; what was under this name before is lost.
+    /// Begins a part of the job with this fingerprint; what was under this name before is lost. `held` is the file if
+    /// this process has locked it already.
     ///
     /// # Errors
     /// If the file cannot be written or another process is writing it.
-    pub fn create(path: &Path, fingerprint: u128) -> Result<Self> {
-        let mut writer = Self::open(path)?;
+    pub fn create(path: &Path, held: Option<&File>, fingerprint: u128) -> Result<Self> {
+        let mut writer = Self::open(path, held)?;
         let head = header(fingerprint);
         writer.cut(0)?;
         writer.write(&head)?;
         Ok(writer)
     }
 
-    /// Goes on with a part: what follows its last whole record is cut off.
+    /// Goes on with a part: what follows its last whole record is cut off. `held` as for [`Self::create`].
     ///
     /// # Errors
     /// If the file cannot be written or another process is writing it.
-    pub fn resume(part: &PartReader) -> Result<Self> {
-        let mut writer = Self::open(part.path())?;
-        // Between the look at it and the lock, another process may have gone on with it.
+    pub fn resume(part: &PartReader, held: Option<&File>) -> Result<Self> {
+        let mut writer = Self::open(part.path(), held)?;
+        // If it was not held, then between the look at it and the lock another process may have gone on with it.
         let found = writer.file.metadata().map_err(|e| Error::io(part.path(), e))?.len();
         if found != part.file_bytes() {
             let busy = std::io::Error::new(
@@ -59,11 +60,12 @@ impl PartWriter {
         Ok(writer)
     }
 
-    fn open(path: &Path) -> Result<Self> {
-        let fail = |e| Error::io(path, e);
-        let file =
-            OpenOptions::new().write(true).create(true).truncate(false).open(path).map_err(fail)?;
-        lock(&file).map_err(fail)?;
+    fn open(path: &Path, held: Option<&File>) -> Result<Self> {
+        let own = || {
+            let file = OpenOptions::new().write(true).create(true).truncate(false).open(path)?;
+            lock(&file).map(|()| file)
+        };
+        let file = held.map_or_else(own, File::try_clone).map_err(|e| Error::io(path, e))?;
         Ok(Self {
             path: path.to_path_buf(),
             file,

@@ -7,8 +7,8 @@
 //! | `kept-*.part` | tiles of an earlier plan that still hold |
 //! | `joined.part` | overviews between batches |
 //!
-//! A process that begins a batch goes on with an unfinished file that nobody holds, else begins one of its own; when all
-//! tiles are there, it renames it. Two processes at one batch do no harm: both make the same tiles, and the later file
+//! A process that begins a batch locks an unfinished file that nobody holds and goes on with it, else begins one of its
+//! own; when all tiles are there, it renames it, and only then lets it go. Two processes at one batch do no harm: both make the same tiles, and the later file
 //! takes the earlier one's place whole. File locks must work on the file system (NFS from version 4 on; Lustre with
 //! `flock`).
 
@@ -22,6 +22,9 @@ use crate::{Error, Result};
 const FINISHED: &str = ".part";
 const UNFINISHED: &str = ".unfinished";
 const KEPT: &str = "kept-";
+
+/// How often a new file may be taken by another process before it is locked.
+const MOST_TRIES: usize = 100;
 
 /// The part files of a job.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -38,12 +41,24 @@ pub enum Rivals {
     Refuse,
 }
 
-/// A batch that this process may render.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// A batch that this process renders: nobody else takes its file while this is alive.
+#[derive(Debug)]
 pub struct Claim {
-    /// The unfinished file: the part of a [`Run`](super::Run).
-    pub part: PathBuf,
+    part: PathBuf,
+    file: File,
     batch: u32,
+}
+
+impl Claim {
+    /// The unfinished file: the part of a [`Run`](super::Run).
+    pub fn part(&self) -> &Path {
+        &self.part
+    }
+
+    /// The same, locked.
+    pub fn file(&self) -> &File {
+        &self.file
+    }
 }
 
 impl Parts {
@@ -113,42 +128,57 @@ impl Parts {
     /// # Errors
     /// If the folder refuses new files, or another process is at the batch and `rivals` says to leave it alone.
     pub fn claim(&self, batch: u32, rivals: Rivals) -> Result<Claim> {
-        let mut left = Vec::new();
-        for path in self.unfinished(batch)? {
-            match hold(&path) {
-                Ok(Some(bytes)) => left.push((bytes, path)),
+        let mut left: Option<(u64, PathBuf, File)> = None;
+        for part in self.unfinished(batch)? {
+            match hold(&part) {
+                Ok(Some(file)) => {
+                    let bytes = file.metadata().map_err(|e| Error::io(&part, e))?.len();
+                    // The one in which most is done.
+                    if left.as_ref().is_none_or(|(most, ..)| bytes > *most) {
+                        left = Some((bytes, part, file));
+                    }
+                }
                 Ok(None) => {}
                 Err(busy) if rivals == Rivals::Refuse => return Err(busy),
                 Err(_busy) => {}
             }
         }
-        // The one in which most is done.
-        if let Some((_, part)) = left.into_iter().max() {
-            return Ok(Claim { part, batch });
+        if let Some((_, part, file)) = left {
+            return Ok(Claim { part, file, batch });
         }
-        let file = tempfile::Builder::new()
-            .prefix(&format!("batch-{batch:05}."))
-            .suffix(UNFINISHED)
-            .tempfile_in(&self.folder)
-            .map_err(|e| Error::io(&self.folder, e))?;
-        let (_, part) = file.keep().map_err(|e| Error::io(&self.folder, e.error))?;
-        Ok(Claim { part, batch })
+        self.begin(batch)
+    }
+
+    /// Begins a file of this process's own.
+    fn begin(&self, batch: u32) -> Result<Claim> {
+        let mut tries = 0;
+        loop {
+            let file = tempfile::Builder::new()
+                .prefix(&format!("batch-{batch:05}."))
+                .suffix(UNFINISHED)
+                .tempfile_in(&self.folder)
+                .map_err(|e| Error::io(&self.folder, e))?;
+            let (_, part) = file.keep().map_err(|e| Error::io(&self.folder, e.error))?;
+            // Another process may have seen it before it was locked, and gone on with it or removed it.
+            match hold(&part) {
+                Ok(Some(file)) => return Ok(Claim { part, file, batch }),
+                Err(e) if tries == MOST_TRIES => return Err(e),
+                Ok(None) | Err(_) => tries += 1,
+            }
+        }
     }
 
     /// Gives a finished part its name, and removes what others left of the batch.
     ///
     /// # Errors
     /// If the folder refuses.
-    pub fn publish(&self, claim: &Claim) -> Result<()> {
+    pub fn publish(&self, claim: Claim) -> Result<()> {
         let to = self.finished_file(claim.batch);
         fs::rename(&claim.part, &to).map_err(|e| Error::io(&claim.part, e))?;
         sync_folder(&to)?;
-        for path in self.unfinished(claim.batch)? {
-            if let Ok(Some(_)) = hold(&path) {
-                remove(&path)?;
-            }
-        }
-        Ok(())
+        let batch = claim.batch;
+        drop(claim);
+        self.unfinished(batch)?.iter().try_for_each(|path| discard(path, |_| Ok(true)))
     }
 
     /// Removes what belongs to no part of this job: parts of other jobs, and unfinished files that nobody holds.
@@ -161,14 +191,11 @@ impl Parts {
                 remove(&path)?;
             }
         }
-        for path in self.files(|name| name.ends_with(UNFINISHED))? {
-            if matches!(hold(&path), Ok(Some(_)))
-                && !matches!(PartState::of(&path, manifest)?, PartState::Own(_))
-            {
-                remove(&path)?;
-            }
-        }
-        Ok(())
+        let is_foreign = |path: &Path| {
+            PartState::of(path, manifest).map(|state| !matches!(state, PartState::Own(_)))
+        };
+        let unfinished = self.files(|name| name.ends_with(UNFINISHED))?;
+        unfinished.iter().try_for_each(|path| discard(path, is_foreign))
     }
 
     /// Removes unfinished files that nobody holds: of a job of which all batches are finished they are left over.
@@ -176,12 +203,8 @@ impl Parts {
     /// # Errors
     /// If the folder refuses.
     pub fn sweep(&self) -> Result<()> {
-        for path in self.files(|name| name.ends_with(UNFINISHED))? {
-            if matches!(hold(&path), Ok(Some(_))) {
-                remove(&path)?;
-            }
-        }
-        Ok(())
+        let unfinished = self.files(|name| name.ends_with(UNFINISHED))?;
+        unfinished.iter().try_for_each(|path| discard(path, |_| Ok(true)))
     }
 
     /// Removes all parts.
@@ -212,16 +235,26 @@ impl Parts {
     }
 }
 
-/// Whether nobody holds an unfinished file: its length; `None` if it has gone.
-fn hold(path: &Path) -> Result<Option<u64>> {
-    let opened = File::options().write(true).open(path);
-    let file = match opened {
+/// Locks an unfinished file; `None` if it has gone.
+fn hold(path: &Path) -> Result<Option<File>> {
+    let fail = |e| Error::io(path, e);
+    let file = match File::options().write(true).open(path) {
         Ok(file) => file,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(Error::io(path, e)),
+        Err(e) => return Err(fail(e)),
     };
-    lock(&file).map_err(|e| Error::io(path, e))?;
-    file.metadata().map(|meta| Some(meta.len())).map_err(|e| Error::io(path, e))
+    lock(&file).map_err(fail)?;
+    // Its name is never used again: if it is there, it is this file's.
+    let is_there = fs::exists(path).map_err(fail)?;
+    Ok(is_there.then_some(file))
+}
+
+/// Removes an unfinished file that nobody holds, if it is as it `must` be.
+fn discard(path: &Path, must: impl Fn(&Path) -> Result<bool>) -> Result<()> {
+    match hold(path) {
+        Ok(Some(_held)) if must(path)? => remove(path),
+        _ => Ok(()),
+    }
 }
 
 /// Removes a file that another process may remove too.
@@ -241,22 +274,20 @@ mod tests {
     fn a_file_that_nobody_holds_is_gone_on_with_and_one_that_is_held_is_not() {
         let folder = tempfile::tempdir().unwrap();
         let parts = Parts::open(&folder.path().join("parts")).unwrap();
+        let left = parts.claim(3, Rivals::Refuse).unwrap().part;
+        fs::write(&left, "some tiles").unwrap();
         let first = parts.claim(3, Rivals::Refuse).unwrap();
-        fs::write(&first.part, "some tiles").unwrap();
-        assert_eq!(parts.claim(3, Rivals::Refuse).unwrap(), first);
-        let held = File::options().write(true).open(&first.part).unwrap();
-        lock(&held).unwrap();
+        assert_eq!(first.part, left);
         let refused = parts.claim(3, Rivals::Refuse).unwrap_err();
         assert_eq!(refused.exit_code(), 4);
         let second = parts.claim(3, Rivals::Ignore).unwrap();
-        assert_ne!(second, first);
+        assert_ne!(second.part, first.part);
         // Another batch is another matter.
         assert!(parts.claim(4, Rivals::Refuse).is_ok());
         // Whoever is done first leaves the other's file alone, and later the last one is there whole.
-        parts.publish(&second).unwrap();
+        parts.publish(second).unwrap();
         assert!(first.part.exists() && parts.finished_file(3).exists());
-        drop(held);
-        parts.publish(&first).unwrap();
+        parts.publish(first).unwrap();
         assert_eq!(fs::read(parts.finished_file(3)).unwrap(), b"some tiles");
         assert!(
             !names(&parts.folder)
@@ -275,7 +306,28 @@ mod tests {
         }
         let claim = parts.claim(0, Rivals::Refuse).unwrap();
         assert!(claim.part.ends_with("batch-00000.b.unfinished"));
-        parts.publish(&claim).unwrap();
+        parts.publish(claim).unwrap();
+        assert_eq!(names(folder.path()), ["batch-00000.part"]);
+    }
+    #[test]
+    fn processes_that_take_and_finish_one_batch_at_the_same_time_all_end_well() {
+        let folder = tempfile::tempdir().unwrap();
+        let parts = Parts::open(folder.path()).unwrap();
+        // A lock is of an opened file: threads stand for processes.
+        std::thread::scope(|scope| {
+            for k in 0..4_u8 {
+                let parts = &parts;
+                scope.spawn(move || {
+                    for _ in 0..200 {
+                        let claim = parts.claim(0, Rivals::Ignore).unwrap();
+                        fs::write(&claim.part, vec![k; 1000]).unwrap();
+                        // Nobody else has written into it.
+                        assert_eq!(fs::read(&claim.part).unwrap(), vec![k; 1000]);
+                        parts.publish(claim).unwrap();
+                    }
+                });
+            }
+        });
         assert_eq!(names(folder.path()), ["batch-00000.part"]);
     }
 }

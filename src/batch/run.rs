@@ -6,6 +6,7 @@
 //! part; when the disk is slow, the channel is full and the workers wait. The first error ends the run; what was
 //! finished before is in the part, and the next run goes on from there to the same bytes.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -64,6 +65,8 @@ pub struct Run<'a> {
     /// The part that the run writes. If it is there and of this job, the run goes on from it; a part of another job
     /// is replaced.
     pub part: &'a Path,
+    /// The part's file if this process has locked it already; else the run locks it.
+    pub held: Option<&'a File>,
     /// Finished parts of the same job, whose tiles need not be made again.
     pub others: &'a [PathBuf],
     /// The tiles to make, in the order in which to make them; each once.
@@ -139,8 +142,8 @@ pub fn run<R: TileRenderer>(
         return Ok(summary);
     }
     let writer = match known.parts().first() {
-        Some(part) if resumed => PartWriter::resume(part)?,
-        _ => PartWriter::create(run.part, run.manifest.fingerprint())?,
+        Some(part) if resumed => PartWriter::resume(part, run.held)?,
+        _ => PartWriter::create(run.part, run.held, run.manifest.fingerprint())?,
     };
     let crew = Crew {
         known: &known,

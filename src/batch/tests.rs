@@ -62,7 +62,7 @@ struct Made {
 fn run_tiles(part: &Path, others: &[PathBuf], tiles: &[TileAddress]) -> Result<Made> {
     let manifest = manifest();
     let renderer = |tile| Ok(render(&manifest, tile));
-    let summary = run(&Run { manifest: &manifest, part, others, tiles }, &renderer, &|_| Ok(()))?;
+    let summary = run(&Run { manifest: &manifest, part, held: None, others, tiles }, &renderer, &|_| Ok(()))?;
     // The three layers of one tile of 16 × 16 pixels at least: 2, 4 and 4 bytes a pixel.
     assert!(summary.rendered < 2 || summary.peak_bytes >= 16 * 16 * 10, "{summary:?}");
     Ok(Made { rendered: summary.rendered, reused: summary.reused })
@@ -234,7 +234,7 @@ fn the_first_error_ends_the_run_and_the_next_run_goes_on() {
         rendered.fetch_add(1, Ordering::Relaxed);
         Ok(render(&manifest, tile))
     };
-    let job = Run { manifest: &manifest, part: &part, others: &[], tiles: &tiles };
+    let job = Run { manifest: &manifest, part: &part, held: None, others: &[], tiles: &tiles };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     let e = pool.install(|| run(&job, &failing, &|_| Ok(()))).unwrap_err();
     assert_eq!(e.to_string(), "the photo is gone");
@@ -266,7 +266,7 @@ fn a_part_of_another_job_is_begun_anew_by_a_run_and_refused_by_an_assembly() {
     let other = Manifest::new(own.size(), own.format(), layers, None, "b").unwrap();
     let part = folder.path().join("other.part");
     let renderer = |tile| Ok(render(&other, tile));
-    let job = Run { manifest: &other, part: &part, others: &[], tiles: &all_tiles() };
+    let job = Run { manifest: &other, part: &part, held: None, others: &[], tiles: &all_tiles() };
     run(&job, &renderer, &|_| Ok(())).unwrap();
     assert!(completed(&own, &part).unwrap().is_empty());
     let parts = [whole, part.clone()];
@@ -287,7 +287,7 @@ fn progress_counts_every_tile_once_up_to_the_total() {
     let manifest = manifest();
     let seen = std::sync::Mutex::new(Vec::new());
     let tiles = all_tiles();
-    let job = Run { manifest: &manifest, part: &part, others: &[], tiles: &tiles };
+    let job = Run { manifest: &manifest, part: &part, held: None, others: &[], tiles: &tiles };
     let note = |p: Progress| {
         assert_eq!(p.total, 35);
         seen.lock().unwrap().push(p.done);

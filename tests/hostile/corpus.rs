@@ -305,7 +305,7 @@ pub(crate) fn part(folder: &Path) -> PathBuf {
         Ok(vec![Raster::U8(Image::filled(size, 1, u8::try_from(tile.x * 7 + tile.y).unwrap()))])
     };
     let tiles = curve_order(&manifest.pyramid());
-    let job = Run { manifest: &manifest, part: &path, others: &[], tiles: &tiles };
+    let job = Run { manifest: &manifest, part: &path, held: None, others: &[], tiles: &tiles };
     run(&job, &render, &|_| Ok(())).unwrap();
     path
 }

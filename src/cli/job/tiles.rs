@@ -45,11 +45,12 @@ impl BatchRun<'_> {
         let count = (self.tiles.len() - done.len()) as u64;
         let progress = Progress::start("rendering", "tiles", count, self.quiet).weighted(left);
         let renderer = SceneTiles::new(&self.job.scene, manifest, self.budget.block_bytes);
-        let batch = Run { manifest, part: &claim.part, others: &others, tiles: self.tiles };
+        let (part, held) = (claim.part(), Some(claim.file()));
+        let batch = Run { manifest, part, held, others: &others, tiles: self.tiles };
         let made = run(&batch, &renderer, &|p| progress.add_weighted(1, (self.weight)(p.tile)));
         progress.finish();
         let finished = made?.peak_bytes;
-        self.parts.publish(&claim)?;
+        self.parts.publish(claim)?;
         Ok(self.memory(renderer.peak_bytes(), finished))
     }
 
@@ -69,7 +70,7 @@ impl BatchRun<'_> {
     fn done(&self, claim: &Claim, others: &[PathBuf]) -> Result<BTreeSet<TileAddress>> {
         let manifest = &self.job.record.manifest;
         let mut done = BTreeSet::new();
-        for path in others.iter().chain([&claim.part]) {
+        for path in others.iter().map(PathBuf::as_path).chain([claim.part()]) {
             done.extend(completed(manifest, path)?);
         }
         let own: BTreeSet<_> = self.tiles.iter().copied().collect();
