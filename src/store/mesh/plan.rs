@@ -25,8 +25,8 @@ pub(super) struct Plan {
     pub(super) spill_bytes: usize,
     /// Triangles of the largest bucket that is sorted in memory.
     pub(super) capacity: usize,
-    /// Whether one bucket serves.
-    is_one_bucket: bool,
+    /// Whether all triangles are held in memory.
+    holds_triangles: bool,
     faces: u64,
     vertices: u64,
 }
@@ -51,22 +51,26 @@ const LIKELY_FACE_BYTES: u64 = 16;
 /// Bytes of a triangle while one bucket is sorted: 3 million faces took 362 MB beside the process itself.
 const LIKELY_SORTED_BYTES: u64 = 120;
 
+/// Triangles of a bucket where all are held in memory: while one is written, the next is sorted, and both stay near the
+/// processor.
+const SORTED_AT_ONCE: u64 = 1 << 18;
+
 impl Plan {
     /// Shares out `budget_bytes` for meshes of so many vertices and faces in all.
     pub(super) fn new(budget_bytes: usize, vertices: u64, faces: u64) -> Self {
         let share = |percent: usize| budget_bytes / 100 * percent;
-        // Two buckets at a time; but one that holds everything has all of it to itself.
+        // Two buckets at a time; but where all fit, even one that holds everything does.
         let all = (share(75) / BYTES_PER_TRIANGLE).max(2048);
-        let is_one_bucket = faces <= all as u64 / 10 * 9;
-        let capacity = if is_one_bucket { all } else { all.div_ceil(2) };
+        let holds_triangles = faces <= all as u64 / 10 * 9;
+        let capacity = if holds_triangles { all } else { all.div_ceil(2) };
         Self {
             chunk: (budget_bytes / 4096).clamp(256, 1 << 16),
             holds_vertices: vertices.saturating_mul(PACKED_BYTES as u64) <= share(45) as u64,
             block_vertices: 1 << (budget_bytes / 8192).clamp(16, 4096).ilog2(),
             cache_bytes: share(40),
-            spill_bytes: share(if is_one_bucket { 75 } else { 25 }),
+            spill_bytes: share(if holds_triangles { 75 } else { 25 }),
             capacity,
-            is_one_bucket,
+            holds_triangles,
             faces,
             vertices,
         }
@@ -76,7 +80,7 @@ impl Plan {
     /// less than fits.
     pub(super) fn ranges(&self, cells: &[u32]) -> Vec<Range<u64>> {
         let end = CLASSES << CURVE_BITS;
-        if self.is_one_bucket {
+        if self.faces <= SORTED_AT_ONCE {
             return std::iter::once(0..end).collect();
         }
         // Faces are spread as vertices are.
@@ -85,7 +89,8 @@ impl Plan {
             u64::try_from(faces).unwrap_or(u64::MAX)
         });
         let first_class = 1 << CURVE_BITS;
-        let target = self.capacity as u64 / 10 * 6;
+        let fitting = self.capacity as u64 / 10 * 6;
+        let target = if self.holds_triangles { SORTED_AT_ONCE.min(fitting) } else { fitting };
         let start_of = |cell: usize| Curve::coarse_key(cell.min(COARSE_CELLS));
         let mut ranges = balanced(weights, start_of, target, first_class);
         ranges.extend((1..CLASSES).map(|class| class << CURVE_BITS..(class + 1) << CURVE_BITS));
@@ -99,12 +104,12 @@ impl Plan {
         let vertices =
             if self.holds_vertices { 0 } else { self.vertices * PACKED_BYTES as u64 + join };
         // A bucket that turns out too large is written twice; records shrink by a third or more.
-        let records = if self.is_one_bucket { 0 } else { self.faces * RECORD_BYTES as u64 };
+        let records = if self.holds_triangles { 0 } else { self.faces * RECORD_BYTES as u64 };
         let store_bytes = self.faces.saturating_mul(LIKELY_FACE_BYTES);
         let packed = self.vertices.saturating_mul(PACKED_BYTES as u64);
         let likely = |held: bool, each: u64| if held { 0 } else { each };
         let likely_bytes = likely(self.holds_vertices, packed)
-            + likely(self.is_one_bucket, self.faces.saturating_mul(LIKELY_RECORD_BYTES));
+            + likely(self.holds_triangles, self.faces.saturating_mul(LIKELY_RECORD_BYTES));
         MeshDiskForecast {
             temporary_bytes: vertices + records,
             store_bytes,
@@ -116,7 +121,7 @@ impl Plan {
     /// One bucket is held whole, and again while it is sorted. Of many, the process held about as much as the two that
     /// are sorted at a time may take (3 and 30 million faces, budgets of 102 and 410 MiB: 0.7 to 0.8 of the budget).
     fn working_bytes(&self) -> u64 {
-        if self.is_one_bucket {
+        if self.holds_triangles {
             self.faces.saturating_mul(LIKELY_SORTED_BYTES)
         } else {
             (2 * self.capacity * BYTES_PER_TRIANGLE) as u64
