@@ -11,6 +11,9 @@ use crate::batch::{Claim, PartState, Parts, Rivals, Run, SceneTiles, TileAddress
 use crate::render::Budget;
 use crate::report::MemoryUse;
 
+/// Tiles of a batch that are kept for the end, for each thread.
+const LIGHT_PER_THREAD: usize = 4;
+
 /// A batch to be rendered by all threads of the current rayon pool.
 pub(in crate::cli) struct BatchRun<'a> {
     pub(in crate::cli) job: &'a Job,
@@ -46,12 +49,26 @@ impl BatchRun<'_> {
         let progress = Progress::start("rendering", "tiles", count, self.quiet).weighted(left);
         let renderer = SceneTiles::new(&self.job.scene, manifest, self.budget.block_bytes);
         let (part, held) = (claim.part(), Some(claim.file()));
-        let batch = Run { manifest, part, held, others: &others, tiles: self.tiles };
+        let tiles = self.light_last();
+        let batch = Run { manifest, part, held, others: &others, tiles: &tiles };
         let made = run(&batch, &renderer, &|p| progress.add_weighted(1, (self.weight)(p.tile)));
         progress.finish();
         let finished = made?.peak_bytes;
         self.parts.publish(claim)?;
         Ok(self.memory(renderer.peak_bytes(), finished))
+    }
+
+    /// The tiles, a few that are little work moved to the end: there some threads wait for the last tiles of the others.
+    fn light_last(&self) -> Vec<TileAddress> {
+        let count = (LIGHT_PER_THREAD * rayon::current_num_threads()).min(self.tiles.len() / 4);
+        let area = |tile| self.job.record.manifest.tile_rect(tile).area();
+        let work = |&tile: &TileAddress| ((self.weight)(tile), area(tile), tile);
+        let mut light: Vec<_> = self.tiles.iter().map(work).collect();
+        light.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        light.truncate(count);
+        let is_light: BTreeSet<_> = light.iter().map(|&(.., tile)| tile).collect();
+        let others = self.tiles.iter().copied().filter(|tile| !is_light.contains(tile));
+        others.chain(light.iter().rev().map(|&(.., tile)| tile)).collect()
     }
 
     /// The parts of an earlier plan of which tiles are kept.

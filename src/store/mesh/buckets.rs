@@ -18,9 +18,12 @@ use crate::{Error, Result};
 
 /// Bytes of a triangle in a bucket: key, face id, three packed corners, and one for the reading of the last.
 pub(super) const RECORD_BYTES: usize = 12 + 3 * PACKED_BYTES + 1;
-/// Triangles of a block, which is held in one piece and compressed as one.
+/// Triangles that are compressed as one.
 const BLOCK_RECORDS: usize = 2048;
 const BLOCK_BYTES: usize = BLOCK_RECORDS * RECORD_BYTES;
+/// Triangles of a bucket that is held in one piece, if all fit into memory: beyond 32 MiB, a piece goes back to the system as
+/// soon as it is dropped. What of it is not filled takes no memory.
+const LARGE_PIECE_BYTES: usize = (33 << 20) / BLOCK_BYTES * BLOCK_BYTES;
 /// Records turned into columns at a time: they stay in the fastest memory.
 const TILE_RECORDS: usize = 64;
 /// Blocks compressed or decompressed at a time.
@@ -60,7 +63,7 @@ pub(super) fn decode(record: &[u8]) -> Triangle {
 }
 
 /// Compresses blocks.
-fn compress(blocks: &[Vec<u8>]) -> Vec<io::Result<Vec<u8>>> {
+fn compress(blocks: &[&[u8]]) -> Vec<io::Result<Vec<u8>>> {
     blocks
         .par_iter()
         .map_init(
@@ -112,8 +115,9 @@ pub(super) struct Bucket {
     path: PathBuf,
     /// Lengths of the compressed blocks in the file, and triangles in each.
     blocks: Vec<(usize, usize)>,
-    /// Blocks in memory, all but the last full.
+    /// Pieces in memory, each of a whole number of blocks, all but the last full.
     held: Vec<Vec<u8>>,
+    piece_bytes: usize,
     held_bytes: usize,
     records: usize,
 }
@@ -124,11 +128,12 @@ impl Bucket {
         self.records
     }
 
-    /// Appends what is held to the file, some blocks at a time; gives the emptied blocks back.
+    /// Appends what is held to the file, some blocks at a time; gives the emptied pieces back.
     fn spill(&mut self) -> Result<Vec<Vec<u8>>> {
         let io = |e| Error::io(&self.path, e);
         let mut file = File::options().create(true).append(true).open(&self.path).map_err(io)?;
-        for blocks in self.held.chunks(BLOCKS_AT_ONCE) {
+        let blocks: Vec<_> = self.held.iter().flat_map(|piece| piece.chunks(BLOCK_BYTES)).collect();
+        for blocks in blocks.chunks(BLOCKS_AT_ONCE) {
             for (packed, block) in compress(blocks).into_iter().zip(blocks) {
                 let packed = packed.map_err(io)?;
                 file.write_all(&packed).map_err(io)?;
@@ -140,18 +145,18 @@ impl Bucket {
         Ok(std::mem::take(&mut self.held))
     }
 
-    /// Takes records, into new blocks from `spare` if need be.
+    /// Takes records, into new pieces from `spare` if need be.
     #[inline]
     fn push(&mut self, mut records: &[u8], spare: &mut Vec<Vec<u8>>) {
         self.records += records.len() / RECORD_BYTES;
         self.held_bytes += records.len();
         while !records.is_empty() {
-            if self.held.last().is_none_or(|block| block.len() == BLOCK_BYTES) {
-                self.held.push(spare.pop().unwrap_or_else(|| Vec::with_capacity(BLOCK_BYTES)));
+            if self.held.last().is_none_or(|piece| piece.len() == self.piece_bytes) {
+                self.held.push(spare.pop().unwrap_or_else(|| Vec::with_capacity(self.piece_bytes)));
             }
-            let block = self.held.last_mut().expect("a block has been begun");
-            let (now, later) = records.split_at(records.len().min(BLOCK_BYTES - block.len()));
-            block.extend_from_slice(now);
+            let piece = self.held.last_mut().expect("a piece has been begun");
+            let (now, later) = records.split_at(records.len().min(self.piece_bytes - piece.len()));
+            piece.extend_from_slice(now);
             records = later;
         }
     }
@@ -180,11 +185,15 @@ impl Bucket {
                 }
             }
         }
-        self.held.iter().try_for_each(|block| take(block))
+        self.held.iter().try_for_each(|piece| take(piece))
     }
 
     /// Replaces `all` by all records, in the order in which they came; the bucket and its file are gone after that.
-    pub(super) fn into_records(self, all: &mut Vec<u8>) -> Result<()> {
+    pub(super) fn into_records(mut self, all: &mut Vec<u8>) -> Result<()> {
+        if let (true, [piece]) = (self.blocks.is_empty(), self.held.as_mut_slice()) {
+            *all = std::mem::take(piece);
+            return Ok(());
+        }
         all.clear();
         all.reserve(self.records * RECORD_BYTES);
         self.for_each(|records| {
@@ -213,25 +222,29 @@ pub(super) fn bucket_of(starts: &[u64], key: u64) -> usize {
 #[derive(Debug)]
 pub(super) struct Buckets {
     all: Vec<Bucket>,
-    /// Empty blocks: used again, they leave no holes in the memory of the process, whichever thread asks for one.
+    /// Empty pieces: used again, they leave no holes in the memory of the process, whichever thread asks for one.
     spare: Vec<Vec<u8>>,
     held_bytes: usize,
     limit_bytes: usize,
 }
 
 impl Buckets {
-    /// Buckets for consecutive ranges of keys, with files in `folder` whose names begin with `name`.
+    /// Buckets for consecutive ranges of keys, with files in `folder` whose names begin with `name`; `is_held` says that
+    /// nothing is likely to be written to them.
     pub(super) fn new(
         folder: &Path,
         name: &str,
         ranges: Vec<Range<u64>>,
         limit_bytes: usize,
+        is_held: bool,
     ) -> Self {
+        let piece_bytes = if is_held { LARGE_PIECE_BYTES } else { BLOCK_BYTES };
         let bucket = |(k, keys)| Bucket {
             keys,
             path: folder.join(format!("{name}-{k}")),
             blocks: Vec::new(),
             held: Vec::new(),
+            piece_bytes,
             held_bytes: 0,
             records: 0,
         };
@@ -294,10 +307,12 @@ mod tests {
 
     #[test]
     fn records_come_back_bucket_by_bucket_in_their_order_and_files_are_deleted() {
-        for limit_bytes in [0, 100_000, usize::MAX] {
+        for (limit_bytes, is_held) in
+            [(0, false), (100_000, false), (100_000, true), (usize::MAX, false), (usize::MAX, true)]
+        {
             let dir = tempfile::tempdir().unwrap();
             let ranges = vec![0..1 << 50, 1 << 50..1 << 55, 1 << 55..u64::MAX];
-            let mut buckets = Buckets::new(dir.path(), "b", ranges.clone(), limit_bytes);
+            let mut buckets = Buckets::new(dir.path(), "b", ranges.clone(), limit_bytes, is_held);
             for n in 0..20_000 {
                 let t = triangle(n);
                 buckets.push(bucket_of(&buckets.starts(), t.key), &encode(&t));

@@ -148,7 +148,8 @@ impl Job<'_> {
         // 3. Faces into buckets.
         let ranges = self.plan.ranges(&cells);
         drop(cells);
-        let buckets = Buckets::new(self.folder, "bucket", ranges, self.plan.spill_bytes);
+        let (spill, is_held) = (self.plan.spill_bytes, self.plan.holds_triangles);
+        let buckets = Buckets::new(self.folder, "bucket", ranges, spill, is_held);
         let chunk = self.plan.chunk;
         let mut scatter = Scatter { curve, buckets, chunk, counts, meter };
         for ((&source, vertices), &first_id) in self.sources.iter().zip(vertices).zip(&first_ids) {

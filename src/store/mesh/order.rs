@@ -116,7 +116,7 @@ impl Sorter<'_> {
         let start_of = |cell: usize| (keys.start + cell as u64 * width).min(keys.end);
         let ranges = balanced(counts, start_of, self.capacity as u64, keys.end);
         let name = format!("cut-{:016x}-{width:x}", keys.start);
-        let mut parts = Buckets::new(self.folder, &name, ranges, self.spill_bytes);
+        let mut parts = Buckets::new(self.folder, &name, ranges, self.spill_bytes, false);
         let starts = parts.starts();
         bucket.for_each(|records| {
             for record in records.chunks_exact(RECORD_BYTES) {
@@ -195,7 +195,7 @@ mod tests {
         for (capacity, spill_bytes) in [(1 << 20, 1 << 30), (5000, 1 << 30), (300, 10_000)] {
             let dir = tempfile::tempdir().unwrap();
             let ranges = vec![0..1 << 45, 1 << 45..u64::MAX];
-            let mut buckets = Buckets::new(dir.path(), "b", ranges, spill_bytes);
+            let mut buckets = Buckets::new(dir.path(), "b", ranges, spill_bytes, spill_bytes > 20_000);
             for t in &triangles {
                 buckets.push(bucket_of(&buckets.starts(), t.key), &encode(t));
                 buckets.spill_beyond_limit().unwrap();

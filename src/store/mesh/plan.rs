@@ -26,7 +26,7 @@ pub(super) struct Plan {
     /// Triangles of the largest bucket that is sorted in memory.
     pub(super) capacity: usize,
     /// Whether all triangles are held in memory.
-    holds_triangles: bool,
+    pub(super) holds_triangles: bool,
     faces: u64,
     vertices: u64,
 }
@@ -48,12 +48,12 @@ pub struct MeshDiskForecast {
 /// Bytes of a compressed record and of a finished store's face, about: façades of 1 to 30 million faces gave 14 to 16.
 const LIKELY_RECORD_BYTES: u64 = 16;
 const LIKELY_FACE_BYTES: u64 = 16;
-/// Bytes of a triangle while one bucket is sorted: 3 million faces took 362 MB beside the process itself.
-const LIKELY_SORTED_BYTES: u64 = 120;
+/// Bytes of a triangle where all are held in memory: 3 million faces took 187 MB beside the process itself.
+const LIKELY_HELD_BYTES: u64 = 62;
 
 /// Triangles of a bucket where all are held in memory: while one is written, the next is sorted, and both stay near the
 /// processor.
-const SORTED_AT_ONCE: u64 = 1 << 18;
+const SORTED_AT_ONCE: u64 = 1 << 19;
 
 impl Plan {
     /// Shares out `budget_bytes` for meshes of so many vertices and faces in all.
@@ -118,11 +118,11 @@ impl Plan {
         }
     }
 
-    /// One bucket is held whole, and again while it is sorted. Of many, the process held about as much as the two that
+    /// All triangles are held, and those of two buckets are sorted. If not all can be, the process held about as much as the two that
     /// are sorted at a time may take (3 and 30 million faces, budgets of 102 and 410 MiB: 0.7 to 0.8 of the budget).
     fn working_bytes(&self) -> u64 {
         if self.holds_triangles {
-            self.faces.saturating_mul(LIKELY_SORTED_BYTES)
+            self.faces.saturating_mul(LIKELY_HELD_BYTES)
         } else {
             (2 * self.capacity * BYTES_PER_TRIANGLE) as u64
         }
