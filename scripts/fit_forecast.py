@@ -29,12 +29,26 @@ def rate(stage, amount, threads=True):
 
 
 median("BUILT_FACE", rate("mesh store", "faces_to_build"))
-median("PHOTO_PIXEL", rate("photo store", "photo_pixels"))
+for name, is_stored in (("PHOTO_PIXEL", False), ("INDEXED_PIXEL", True)):
+    stored = [d["photo_store_bytes"] > 0 for d in of]
+    both = zip(rate("photo store", "photo_pixels"), stored)
+    median(name, [seconds for seconds, s in both if s == is_stored])
 median("OUTPUT_BYTE", rate("files", "output_bytes", threads=False))
 
 # The tiles: least squares of the relative error, no cost negative.
-names = ["surface_pixels", "samples", "faces", "face_views"]
-work = np.array([[d["work"][n] for n in names] for d in of])
+# Windows of photos that do not stay in memory are decoded meanwhile, more pixels than the samples cover.
+DECODED = 1.25
+names = ["SURFACE_PIXEL", "SAMPLE", "FACE", "FACE_VIEW", "SHOWN_FACE_VIEW", "WINDOW_PIXEL"]
+
+
+def amounts(demand):
+    w = demand["work"]
+    shown = min(1.0, w["surface_pixels"] / max(1.0, w["faces"]))
+    windows = DECODED * min(w["photo_pixels"], demand["photo_pixels"]) if demand["photo_store_bytes"] else 0.0
+    return w["surface_pixels"], w["samples"], w["faces"], w["face_views"], w["face_views"] * shown, windows
+
+
+work = np.array([amounts(d) for d in of])
 took = np.array([s["tiles"] * d["threads"] for s, d in zip(seconds, of)])
 a = work / took[:, None]
 scale = np.abs(a).max(axis=0) + 1e-300
@@ -45,7 +59,7 @@ for _ in range(20_000):
         rest = 1 - a @ (cost / scale) + column * cost[k]
         cost[k] = max(0.0, column @ rest / (column @ column + 1e-300))
 cost = cost / scale
-for name, c in zip(["SURFACE_PIXEL", "SAMPLE", "FACE", "FACE_VIEW"], cost):
+for name, c in zip(names, cost):
     print(f"{name}: {c:.3e}")
 for path, r, ratio in zip(sys.argv[1:], runs, a @ cost):
     print(f"{path}: tiles forecast at {ratio:.2f} of what they took; whole run {r['forecast']['seconds'] / r['seconds']:.2f}")

@@ -49,29 +49,33 @@ pub struct Forecast {
     pub speed: f64,
 }
 
-/// Seconds of one processor of the reference machine (AMD EPYC, rustc 1.95) for a unit of work. They are measured by
+/// Seconds of one processor of the reference machine (Intel Xeon with AVX-512, rustc 1.95) for a unit of work. They are measured by
 /// `scripts/bench_scale.sh`, which writes the amounts beside the times, and fitted by `scripts/fit_forecast.py`.
 mod cost {
     /// A face of a mesh store that is built.
-    pub(super) const BUILT_FACE: f64 = 7.0e-7;
+    pub(super) const BUILT_FACE: f64 = 5.0e-7;
     /// A photo pixel decoded into memory.
-    pub(super) const PHOTO_PIXEL: f64 = 1.6e-8;
+    pub(super) const PHOTO_PIXEL: f64 = 1.4e-8;
     /// A photo pixel passed when an index is made, and one decoded by it while tiles are rendered.
     pub(super) const INDEXED_PIXEL: f64 = 2.0e-9;
-    pub(super) const WINDOW_PIXEL: f64 = 1.85e-8;
+    pub(super) const WINDOW_PIXEL: f64 = 2.75e-8;
     /// A pixel of the mosaic with a surface, encoding counted.
-    pub(super) const SURFACE_PIXEL: f64 = 2.0e-8;
+    pub(super) const SURFACE_PIXEL: f64 = 2.4e-8;
     /// A pixel of the mosaic in a photo: visibility, sampling, its part in the blend.
-    pub(super) const SAMPLE: f64 = 1.5e-7;
+    pub(super) const SAMPLE: f64 = 6.7e-8;
     /// A face in a tile's column.
-    pub(super) const FACE: f64 = 1.0e-8;
-    /// A face in a photo's shaft.
-    pub(super) const FACE_VIEW: f64 = 6.4e-8;
+    pub(super) const FACE: f64 = 1.2e-8;
+    /// A face in a photo's shaft, and one that shows in a pixel besides.
+    pub(super) const FACE_VIEW: f64 = 5.0e-8;
+    pub(super) const SHOWN_FACE_VIEW: f64 = 1.7e-7;
     /// A byte of output, written to a part and copied into its file; by one thread.
     pub(super) const OUTPUT_BYTE: f64 = 1.7e-9;
     /// Start and end of a job.
-    pub(super) const JOB: f64 = 0.15;
+    pub(super) const JOB: f64 = 0.1;
 }
+
+/// Photo pixels decoded for each that is sampled: windows are cut at whole tiles, and some are decoded again.
+const DECODED: f64 = 1.25;
 
 /// Resident memory beside what is handed out: the binary, its stacks, the allocator; bytes.
 const BESIDE_BYTES: u64 = 60 << 20;
@@ -81,17 +85,14 @@ impl JobDemand {
     pub fn forecast(&self, speed: f64) -> Forecast {
         let threads = self.threads.max(1) as f64;
         let work = &self.work;
-        let tiles = work.surface_pixels * cost::SURFACE_PIXEL
-            + work.samples * cost::SAMPLE
-            + work.faces * cost::FACE
-            + work.face_views * cost::FACE_VIEW;
         // Photos that do not stay in memory are taken to have an index.
         let (photo_pixel, window_pixel) = if self.photo_store_bytes == 0 {
             (cost::PHOTO_PIXEL, 0.0)
         } else {
             (cost::INDEXED_PIXEL, cost::WINDOW_PIXEL)
         };
-        let tiles = tiles + self.photo_pixels as f64 * window_pixel;
+        let windows = DECODED * work.photo_pixels.min(self.photo_pixels as f64);
+        let tiles = tile_weight(work) + windows * window_pixel;
         let stages = [
             self.faces_to_build as f64 * cost::BUILT_FACE / threads,
             self.photo_pixels as f64 * photo_pixel / threads,
@@ -132,12 +133,15 @@ impl JobDemand {
     }
 }
 
-/// The work of a tile as a number, for the share of it in the whole.
+/// The work of tiles, photos not decoded, in seconds of one processor of the reference machine; of a tile, for the share of
+/// it in the whole.
 pub fn tile_weight(work: &WorkAmount) -> f64 {
+    // No more faces than pixels can show.
+    let shown = (work.surface_pixels / work.faces.max(1.0)).min(1.0);
     work.surface_pixels * cost::SURFACE_PIXEL
         + work.samples * cost::SAMPLE
         + work.faces * cost::FACE
-        + work.face_views * cost::FACE_VIEW
+        + work.face_views * (cost::FACE_VIEW + shown * cost::SHOWN_FACE_VIEW)
 }
 
 #[cfg(test)]

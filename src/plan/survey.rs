@@ -54,6 +54,14 @@ impl WorkAmount {
         self.photo_pixels / self.samples.max(1.0)
     }
 
+    /// Photo pixels at the pyramid level that samples of the average footprint are taken at.
+    pub fn sampled_photo_pixels(&self) -> f64 {
+        // Each level has a quarter of the pixels of the finer one; a sample covers less than four of its level.
+        let of_level = |level: i32| self.photo_pixels / 4_f64.powi(level);
+        let is_too_fine = |&level: &i32| of_level(level) >= 4.0 * self.samples.max(1.0);
+        of_level((0..32).find(|level| !is_too_fine(level)).unwrap_or(32))
+    }
+
     fn add(&mut self, other: &Self, share: f64) {
         self.surface_pixels += share * other.surface_pixels;
         self.samples += share * other.samples;
@@ -383,5 +391,13 @@ mod tests {
         assert!((sum.samples / total.samples - 1.0).abs() < 1e-9);
         assert!((sum.faces / total.faces - 1.0).abs() < 1e-9);
         assert_eq!(survey.within(PixelRect::new(-9, 0, 0, 9)), WorkAmount::default());
+    }
+    #[test]
+    fn photo_pixels_are_counted_at_the_level_whose_pixels_are_just_finer_than_the_samples() {
+        let pixels = |photo_pixels| WorkAmount { samples: 100.0, photo_pixels, ..WorkAmount::default() };
+        let at = |photo_pixels| pixels(photo_pixels).sampled_photo_pixels();
+        assert_eq!([at(0.0), at(50.0), at(399.0)], [0.0, 50.0, 399.0]);
+        assert_eq!([at(400.0), at(1599.0), at(1600.0)], [100.0, 399.75, 100.0]);
+        assert!(at(f64::INFINITY).is_infinite() && at(f64::NAN).is_nan());
     }
 }

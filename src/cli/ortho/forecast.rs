@@ -230,16 +230,17 @@ fn held_while_rendering(
         demand.photo_pixels as f64 * MEMORY_BYTES
     } else {
         // Tiles of three bytes a pixel, at the level that is sampled.
-        work.photo_pixels.min(work.samples).min(demand.photo_pixels as f64) * 3.0
+        work.sampled_photo_pixels().min(demand.photo_pixels as f64) * 3.0
     } as u64;
     let views = work.samples / work.surface_pixels.max(1.0);
     let pixels = BLOCK_PIXELS.min(f64::from(config.tile_size).powi(2));
     let block = (pixels * (SURFACE_BYTES + VIEW_BYTES * views)) as u64;
     let block = block.min(budget.block_bytes) * config.threads as u64;
-    let column =
-        mesh.file_bytes() as f64 * (work.faces / mesh.counts().triangles.max(1) as f64).min(1.0);
-    budget.mesh_bytes.min(column as u64)
-        + budget.photo_bytes.min(photos)
+    // A mesh store stays as far as it is used, if all of it may; else only what is being looked at does.
+    let used = (work.faces / mesh.counts().triangles.max(1) as f64).min(1.0);
+    let held = mesh.held_bytes();
+    let mesh = if held < mesh.file_bytes() { held } else { (held as f64 * used) as u64 };
+    mesh + budget.photo_bytes.min(photos)
         + block
         + budget.output_bytes.min(FINISHED_BYTES * config.threads as u64)
 }
