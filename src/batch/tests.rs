@@ -62,7 +62,8 @@ struct Made {
 fn run_tiles(part: &Path, others: &[PathBuf], tiles: &[TileAddress]) -> Result<Made> {
     let manifest = manifest();
     let renderer = |tile| Ok(render(&manifest, tile));
-    let summary = run(&Run { manifest: &manifest, part, held: None, others, tiles }, &renderer, &|_| Ok(()))?;
+    let summary =
+        run(&Run { manifest: &manifest, part, held: None, others, tiles }, &renderer, &|_| Ok(()))?;
     // The three layers of one tile of 16 × 16 pixels at least: 2, 4 and 4 bytes a pixel.
     assert!(summary.rendered < 2 || summary.peak_bytes >= 16 * 16 * 10, "{summary:?}");
     Ok(Made { rendered: summary.rendered, reused: summary.reused })

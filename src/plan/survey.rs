@@ -394,7 +394,8 @@ mod tests {
     }
     #[test]
     fn photo_pixels_are_counted_at_the_level_whose_pixels_are_just_finer_than_the_samples() {
-        let pixels = |photo_pixels| WorkAmount { samples: 100.0, photo_pixels, ..WorkAmount::default() };
+        let pixels =
+            |photo_pixels| WorkAmount { samples: 100.0, photo_pixels, ..WorkAmount::default() };
         let at = |photo_pixels| pixels(photo_pixels).sampled_photo_pixels();
         assert_eq!([at(0.0), at(50.0), at(399.0)], [0.0, 50.0, 399.0]);
         assert_eq!([at(400.0), at(1599.0), at(1600.0)], [100.0, 399.75, 100.0]);

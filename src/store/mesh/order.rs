@@ -195,7 +195,8 @@ mod tests {
         for (capacity, spill_bytes) in [(1 << 20, 1 << 30), (5000, 1 << 30), (300, 10_000)] {
             let dir = tempfile::tempdir().unwrap();
             let ranges = vec![0..1 << 45, 1 << 45..u64::MAX];
-            let mut buckets = Buckets::new(dir.path(), "b", ranges, spill_bytes, spill_bytes > 20_000);
+            let mut buckets =
+                Buckets::new(dir.path(), "b", ranges, spill_bytes, spill_bytes > 20_000);
             for t in &triangles {
                 buckets.push(bucket_of(&buckets.starts(), t.key), &encode(t));
                 buckets.spill_beyond_limit().unwrap();
