@@ -26,8 +26,9 @@ pub struct Assembly<'a> {
 
 /// Writes the files of all layers and those beside the mosaic, and when all are whole, puts them in their places: the
 /// layers, what lies beside the mosaic, the mosaic. What stood there is replaced, each file at once. Compressed tiles
-/// are copied as they are: memory is the parts' indexes, the tables of one layer and one tile. `progress` is called
-/// once a tile, overviews and layers counted.
+/// are copied as they are, in the order in which they stand in the parts: these are read from start to end, once, whatever
+/// the order of the files. Memory is the parts' indexes, some 50 bytes a tile of each layer, and one tile. `progress` is
+/// called once a tile, overviews and layers counted.
 ///
 /// # Errors
 /// If tiles are missing (they are named), a part is damaged, the disk refuses, or `progress` says so. Unless the last step, the renaming,
@@ -43,8 +44,7 @@ pub fn assemble(assembly: &Assembly<'_>, progress: &dyn Fn() -> Result<()>) -> R
     let known = Known::new(manifest, parts?);
     refuse_gaps(&known, manifest, manifest.pyramid().levels())?;
     let (mut layers, mut mosaic) = (Vec::new(), Vec::new());
-    for (layer, path) in assembly.outputs.iter().enumerate() {
-        let file = write_layer(assembly, &known, (layer, path), progress)?;
+    for (layer, file) in write_layers(assembly, &known, progress)?.into_iter().enumerate() {
         let is_mosaic = manifest.layers()[layer].meaning() == Meaning::Mosaic;
         if is_mosaic { mosaic.push(file) } else { layers.push(file) }
     }
@@ -101,31 +101,36 @@ fn write_beside((path, bytes): &(PathBuf, Vec<u8>)) -> Result<PendingFile> {
     Ok(file)
 }
 
-/// One layer's file, whole, but not yet in its place.
-fn write_layer(
+/// The files of all layers, whole, but not yet in their places.
+fn write_layers(
     assembly: &Assembly<'_>,
     known: &Known<'_>,
-    (layer, path): (usize, &Path),
     progress: &dyn Fn() -> Result<()>,
-) -> Result<PendingFile> {
+) -> Result<Vec<PendingFile>> {
     let manifest = assembly.manifest;
     let pyramid = manifest.pyramid();
-    let spec = CogSpec {
-        layer: &manifest.layers()[layer],
-        pyramid,
-        compression: manifest.format().compression,
-        georeference: manifest.georeference(),
-        resolution: manifest.resolution(),
-        big_tiff: assembly.big_tiff,
-    };
-    let places = || pyramid.file_order().filter_map(|tile| known.find(layer, tile));
-    let lengths = places().map(|(entry, _)| entry.length).collect();
-    let mut writer = CogWriter::create(path, &spec, lengths)?;
+    let (mut writers, mut tiles) = (Vec::new(), Vec::new());
+    for (layer, path) in assembly.outputs.iter().enumerate() {
+        let spec = CogSpec {
+            layer: &manifest.layers()[layer],
+            pyramid,
+            compression: manifest.format().compression,
+            georeference: manifest.georeference(),
+            resolution: manifest.resolution(),
+            big_tiff: assembly.big_tiff,
+        };
+        let first = tiles.len();
+        let found = pyramid.file_order().filter_map(|tile| known.find(layer, tile));
+        tiles.extend(found.enumerate().map(|(k, found)| (layer, k, found)));
+        let lengths = tiles[first..].iter().map(|(.., (entry, _))| entry.length).collect();
+        writers.push(CogWriter::create(path, &spec, lengths)?);
+    }
+    tiles.sort_unstable_by_key(|(.., (entry, part))| (*part, entry.offset));
     let mut bytes = Vec::new();
-    for found in places() {
+    for (layer, k, found) in tiles {
         known.read(found, &mut bytes)?;
-        writer.write_tile(&bytes)?;
+        writers[layer].write_tile(k, &bytes)?;
         progress()?;
     }
-    writer.complete()
+    writers.into_iter().map(CogWriter::complete).collect()
 }

@@ -13,6 +13,7 @@
 //! `flock`).
 
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::{Manifest, PartState};
@@ -151,8 +152,7 @@ impl Parts {
 
     /// Begins a file of this process's own.
     fn begin(&self, batch: u32) -> Result<Claim> {
-        let mut tries = 0;
-        loop {
+        for _ in 0..MOST_TRIES {
             let file = tempfile::Builder::new()
                 .prefix(&format!("batch-{batch:05}."))
                 .suffix(UNFINISHED)
@@ -162,10 +162,13 @@ impl Parts {
             // Another process may have seen it before it was locked, and gone on with it or removed it.
             match hold(&part) {
                 Ok(Some(file)) => return Ok(Claim { part, file, batch }),
-                Err(e) if tries == MOST_TRIES => return Err(e),
-                Ok(None) | Err(_) => tries += 1,
+                Ok(None) => {}
+                Err(Error::Io { source, .. }) if source.kind() == ErrorKind::ResourceBusy => {}
+                Err(e) => return Err(e),
             }
         }
+        let why = format!("other processes took {MOST_TRIES} new files of batch {batch}");
+        Err(Error::io(&self.folder, std::io::Error::new(ErrorKind::ResourceBusy, why)))
     }
 
     /// Gives a finished part its name, and removes what others left of the batch.
@@ -240,7 +243,7 @@ fn hold(path: &Path) -> Result<Option<File>> {
     let fail = |e| Error::io(path, e);
     let file = match File::options().write(true).open(path) {
         Ok(file) => file,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(fail(e)),
     };
     lock(&file).map_err(fail)?;
@@ -260,7 +263,7 @@ fn discard(path: &Path, must: impl Fn(&Path) -> Result<bool>) -> Result<()> {
 /// Removes a file that another process may remove too.
 fn remove(path: &Path) -> Result<()> {
     match fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, e)),
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(Error::io(path, e)),
         _ => Ok(()),
     }
 }

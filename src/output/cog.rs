@@ -1,4 +1,4 @@
-//! [`CogWriter`]: one layer as a Cloud Optimized GeoTIFF, written in one pass.
+//! [`CogWriter`]: one layer as a Cloud Optimized GeoTIFF, its tiles written in any order.
 //!
 //! Layout (all little-endian):
 //! 1. the header: classic TIFF if the file ends below 4 GiB, else BigTIFF;
@@ -7,11 +7,12 @@
 //! 4. the tiles: the smallest overview first, full resolution last, each level row by row; before each tile its
 //!    length as u32, behind it its last four bytes again.
 //!
-//! The lengths of all tiles are given beforehand, so every offset is known before the first byte is written and
-//! nothing is written twice. Memory: 12 to 24 bytes a tile for the tables, and a buffer. The bytes are a function of
+//! The lengths of all tiles are given beforehand, so every offset is known before the first byte is written, nothing is
+//! written twice, and tiles may come as they stand in another file. Memory: 20 to 32 bytes a tile for the tables, and one
+//! tile. The bytes are a function of
 //! the specification and the tiles: no time, no host, no path. Every tile is stored, undefined ones too.
 
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::ifd::{Directory, Flavour};
@@ -23,7 +24,7 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Bytes of the write buffer.
+/// Bytes of the buffer in which the directories are written.
 const BUFFER: usize = 1 << 20;
 /// Bytes beside each tile: its length before and its last four bytes behind.
 const LEADER_AND_TRAILER: u64 = 8;
@@ -62,10 +63,17 @@ pub struct CogSpec<'a> {
 /// Writes a file, tile after tile, into an unfinished file beside its final place; dropped, it leaves nothing.
 #[derive(Debug)]
 pub struct CogWriter {
-    out: BufWriter<PendingFile>,
+    out: PendingFile,
     lengths: Vec<u32>,
+    /// Where the leader of each tile goes; [`WRITTEN`] once it is there.
+    leaders: Vec<u64>,
     written: usize,
+    /// Leader, tile and trailer.
+    record: Vec<u8>,
 }
+
+/// No offset of a tile: before it stands a header.
+const WRITTEN: u64 = 0;
 
 /// Where everything stands in the file.
 struct Layout {
@@ -90,32 +98,46 @@ impl CogWriter {
         let tiles: usize = (0..spec.pyramid.levels()).map(|l| spec.pyramid.tile_count(l)).sum();
         assert_eq!(lengths.len(), tiles, "one length for each tile");
         let layout = Layout::of(spec, &lengths);
-        let mut out = BufWriter::with_capacity(BUFFER, PendingFile::create(path)?);
-        let result = write_head(&mut out, spec, &layout, &lengths);
+        let mut out = PendingFile::create(path)?;
+        let mut head = BufWriter::with_capacity(BUFFER, &mut out);
+        let result = write_head(&mut head, spec, &layout, &lengths).and_then(|()| head.flush());
+        drop(head);
         result.map_err(|e| Error::io(path, e))?;
-        Ok(Self { out, lengths, written: 0 })
+        let mut next = layout.data;
+        let leader = |length: &u32| {
+            let leader = next;
+            next += u64::from(*length) + LEADER_AND_TRAILER;
+            leader
+        };
+        let leaders = lengths.iter().map(leader).collect();
+        Ok(Self { out, lengths, leaders, written: 0, record: Vec::new() })
     }
 
-    /// Writes the next tile in the order of [`Pyramid::file_order`]; the bytes are those of [`super::encode_tile`].
+    /// Writes tile `k` in the order of [`Pyramid::file_order`]; the bytes are those of [`super::encode_tile`].
     ///
     /// # Errors
     /// If the disk refuses.
     ///
     /// # Panics
-    /// If the tile has not the length that was announced, or is one too many.
-    pub fn write_tile(&mut self, bytes: &[u8]) -> Result<()> {
-        let length = self.lengths[self.written];
+    /// If there is no such tile, it has not the length that was announced, or comes twice.
+    pub fn write_tile(&mut self, k: usize, bytes: &[u8]) -> Result<()> {
+        let length = self.lengths[k];
         assert_eq!(bytes.len(), length as usize, "a tile is as long as announced");
+        let leader = std::mem::replace(&mut self.leaders[k], WRITTEN);
+        assert_ne!(leader, WRITTEN, "a tile comes once");
         self.written += 1;
         // Fewer than four bytes are preceded by zeros.
         let mut last = [0; 4];
         let n = bytes.len().min(4);
         last[4 - n..].copy_from_slice(&bytes[bytes.len() - n..]);
-        self.out
-            .write_all(&length.to_le_bytes())
-            .and_then(|()| self.out.write_all(bytes))
-            .and_then(|()| self.out.write_all(&last))
-            .map_err(|e| Error::io(self.out.get_ref().target(), e))
+        self.record.clear();
+        self.record.reserve(bytes.len() + 8);
+        self.record.extend(length.to_le_bytes());
+        self.record.extend(bytes);
+        self.record.extend(last);
+        let written = self.out.seek(SeekFrom::Start(leader));
+        let written = written.and_then(|_| self.out.write_all(&self.record));
+        written.map_err(|e| Error::io(self.out.target(), e))
     }
 
     /// The whole file, on the disk but not yet in its place.
@@ -127,10 +149,8 @@ impl CogWriter {
     /// If a tile is missing.
     pub fn complete(self) -> Result<PendingFile> {
         assert_eq!(self.written, self.lengths.len(), "every tile is written");
-        let path = self.out.get_ref().target().to_path_buf();
-        let file = self.out.into_inner().map_err(|e| Error::io(path, e.into_error()))?;
-        file.sync()?;
-        Ok(file)
+        self.out.sync()?;
+        Ok(self.out)
     }
 
     /// Completes the file and puts it in its place.
@@ -333,7 +353,7 @@ mod tests {
         };
         let path = folder.path().join("a.tif");
         let mut writer = CogWriter::create(&path, &spec, vec![256; 3]).unwrap();
-        writer.write_tile(&[0; 256]).unwrap();
+        writer.write_tile(2, &[0; 256]).unwrap();
         drop(writer);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }

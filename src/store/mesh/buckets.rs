@@ -21,8 +21,8 @@ pub(super) const RECORD_BYTES: usize = 12 + 3 * PACKED_BYTES + 1;
 /// Triangles that are compressed as one.
 const BLOCK_RECORDS: usize = 2048;
 const BLOCK_BYTES: usize = BLOCK_RECORDS * RECORD_BYTES;
-/// Triangles of a bucket that is held in one piece, if all fit into memory: beyond 32 MiB, a piece goes back to the system as
-/// soon as it is dropped. What of it is not filled takes no memory.
+/// Bytes of a bucket that are held in one piece where all buckets fit into memory: more than 32 MiB, which allocators give
+/// back to the system as soon as they are freed. What is not filled yet takes no memory.
 const LARGE_PIECE_BYTES: usize = (33 << 20) / BLOCK_BYTES * BLOCK_BYTES;
 /// Records turned into columns at a time: they stay in the fastest memory.
 const TILE_RECORDS: usize = 64;
