@@ -22,14 +22,19 @@ const LEAST_BLOCK: i64 = 16;
 /// Samples of one sub-block are held at once.
 const SUB_BLOCK_AREA: u64 = SUB_BLOCK.unsigned_abs() * SUB_BLOCK.unsigned_abs();
 
-/// Bytes a pixel of a block's surface: elevation, face, point, and a face with its vertices for every pixel.
-const SURFACE_BYTES: u64 = 8 + 4 + 24 + 48 + 24;
+/// Bytes a pixel of a block's surface: elevation, face, point; bytes a face that shows, and a vertex of one.
+const SURFACE_BYTES: u64 = 8 + 4 + 24;
+const FACE_BYTES: u64 = 48;
+const VERTEX_BYTES: u64 = 24;
 
 /// Bytes a pixel of a block where lines are not parallel: its line in the block, its ray's cell, its line on the surface.
 const LINE_BYTES: u64 = 24 + 8 + 16 + 12 + 24;
 
-/// Bytes a pixel of a block and a photo that may see it: listed pixel, sorted point, its cell, face and vertex.
-const VIEW_BYTES: u64 = 3 + 20 + 8 + 16 + 24;
+/// Bytes a pixel of a block and a photo that may see it: listed pixel, sorted point, its cell; bytes a face and a vertex
+/// there.
+const VIEW_BYTES: u64 = 3 + 20 + 8;
+const FACE_VIEW_BYTES: u64 = 16;
+const VERTEX_VIEW_BYTES: u64 = 24;
 
 /// What each photo of the scene needs while a block is rendered.
 #[derive(Debug, Default)]
@@ -202,7 +207,13 @@ impl<'a> Renderer<'a> {
         let (area, views) = (rect.area() as u64, views as u64);
         let samples = area.min(SUB_BLOCK_AREA) * SampleTile::BYTES_A_SAMPLE as u64;
         let lines = if self.scene.mosaic.is_parallel() { 0 } else { LINE_BYTES };
-        let needed = area * (SURFACE_BYTES + lines + VIEW_BYTES * views) + samples * views;
+        // A pixel shows one face at most. Of faces smaller than pixels, no two that show need share a vertex.
+        let column: u64 = self.column.iter().map(|&p| mesh.partition_triangles(p) as u64).sum();
+        let (faces, vertices) = (column.min(area), column.min(3 * area));
+        let needed = area * (SURFACE_BYTES + lines + VIEW_BYTES * views)
+            + faces * (FACE_BYTES + FACE_VIEW_BYTES * views)
+            + vertices * (VERTEX_BYTES + VERTEX_VIEW_BYTES * views)
+            + samples * views;
         // A list that grows may hold more than it needs.
         needed + needed / 2
     }

@@ -58,10 +58,11 @@ const LAYER_BYTES: [(Meaning, f64); 6] = [
 const MEMORY_BYTES: f64 = 4.0;
 const INDEX_BYTES: f64 = 0.008;
 const STORE_BYTES: f64 = 1.3;
-/// Pixels of a block, and what each takes for itself and for each photo that sees it, bytes.
+/// Pixels of a block, and what each takes for itself and for each photo that sees it, bytes: more if each shows a face of
+/// its own.
 const BLOCK_PIXELS: f64 = 256.0 * 256.0;
-const SURFACE_BYTES: f64 = 110.0;
-const VIEW_BYTES: f64 = 52.0;
+const SURFACE_BYTES: [f64; 2] = [100.0, 50.0];
+const VIEW_BYTES: [f64; 2] = [35.0, 60.0];
 /// Finished tiles of a thread on their way to the disk, while that is fast enough, bytes.
 const FINISHED_BYTES: u64 = 2 << 20;
 /// Sections whose surface is surveyed, at most.
@@ -234,7 +235,14 @@ fn held_while_rendering(
     } as u64;
     let views = work.samples / work.surface_pixels.max(1.0);
     let pixels = BLOCK_PIXELS.min(f64::from(config.tile_size).powi(2));
-    let block = (pixels * (SURFACE_BYTES + VIEW_BYTES * views)) as u64;
+    let shown = (work.faces / work.surface_pixels.max(1.0)).min(1.0);
+    let bytes = |[pixel, face]: [f64; 2]| pixel + face * shown;
+    let mut block = pixels * (bytes(SURFACE_BYTES) + bytes(VIEW_BYTES) * views);
+    // One that does not fit is rendered in quarters.
+    while block > budget.block_bytes as f64 {
+        block /= 4.0;
+    }
+    let block = block as u64;
     let block = block.min(budget.block_bytes) * config.threads as u64;
     // A mesh store stays as far as it is used, if all of it may; else only what is being looked at does.
     let used = (work.faces / mesh.counts().triangles.max(1) as f64).min(1.0);
