@@ -115,6 +115,17 @@ fn leftovers(out: &Path) -> Vec<String> {
     left
 }
 
+/// Bytes of the parts of an unfinished job in the work folder.
+#[cfg(unix)]
+fn written(out: &Path) -> u64 {
+    let entries = |folder: &Path| -> Vec<PathBuf> {
+        fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path()).collect()
+    };
+    let parts =
+        entries(&out.join(".groundel")).into_iter().flat_map(|job| entries(&job.join("parts")));
+    parts.filter_map(|part| fs::metadata(part).ok()).map(|meta| meta.len()).sum()
+}
+
 #[test]
 fn two_runs_on_one_work_folder_end_in_the_same_bytes_or_one_is_told_of_the_other() {
     let folder = tempfile::tempdir().unwrap();
@@ -154,8 +165,16 @@ fn ctrl_c_and_sigterm_leave_no_file_and_the_next_run_goes_on() {
         fs::create_dir(&out).unwrap();
         let mut interrupted = 0;
         for k in 1..=8 {
-            let child = begin(folder.path(), &out);
-            std::thread::sleep(took.mul_f64(0.08 * f64::from(k)));
+            let before = written(&out);
+            let mut child = begin(folder.path(), &out);
+            if k == 1 {
+                std::thread::sleep(took.mul_f64(0.05));
+            } else {
+                // Some more of it is there, but not yet all.
+                while written(&out) <= before && child.try_wait().unwrap().is_none() {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+            }
             let id = child.id().to_string();
             Command::new("kill").args([&format!("-{signal}"), &id]).status().unwrap();
             let (code, said) = end(child);
