@@ -8,9 +8,9 @@
 //! | `joined.part` | overviews between batches |
 //!
 //! A process that begins a batch locks an unfinished file that nobody holds and goes on with it, else begins one of its
-//! own; when all tiles are there, it renames it, and only then lets it go. Two processes at one batch do no harm: both make the same tiles, and the later file
-//! takes the earlier one's place whole. File locks must work on the file system (NFS from version 4 on; Lustre with
-//! `flock`).
+//! own; when all tiles are there, it renames it, and only then lets it go. Two processes at one batch do no harm: both
+//! make the same tiles, and the later file takes the earlier one's place whole. File locks must work on the file system
+//! (NFS from version 4 on; Lustre with `flock`).
 
 use std::fs::{self, File};
 use std::io::ErrorKind;

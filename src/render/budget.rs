@@ -63,7 +63,8 @@ impl Budget {
     const LEAST_CACHES: u64 = 32 << 20;
     const LEAST_BLOCK: u64 = 4 << 20;
     /// Share of the blocks of each thread beyond which they do not grow, bytes: what a block of the largest side takes
-    /// that eight photos see. What is over goes to the caches.
+    /// that four photos see if each pixel shows a face of its own, or some twenty if faces are large. What is over goes
+    /// to the caches.
     const MOST_BLOCK: u64 = 64 << 20;
 
     /// The shares of a cap of `memory_bytes` among `threads` that make tiles as `tiles` says.

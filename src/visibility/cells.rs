@@ -62,6 +62,7 @@ impl OcclusionScratch {
     /// Memory held, bytes.
     pub fn memory_bytes(&self) -> u64 {
         self.vertices.iter().map(held_bytes).sum::<u64>()
+            + held_bytes(&self.found.hidden)
             + held_bytes(&self.found.pairs)
             + held_bytes(&self.found.anywhere)
     }

@@ -49,26 +49,15 @@ impl BatchRun<'_> {
         let progress = Progress::start("rendering", "tiles", count, self.quiet).weighted(left);
         let renderer = SceneTiles::new(&self.job.scene, manifest, self.budget.block_bytes);
         let (part, held) = (claim.part(), Some(claim.file()));
-        let tiles = self.light_last();
+        let area = |tile| manifest.tile_rect(tile).area();
+        let count = LIGHT_PER_THREAD * rayon::current_num_threads();
+        let tiles = light_last(self.tiles, count, &|tile| ((self.weight)(tile), area(tile)));
         let batch = Run { manifest, part, held, others: &others, tiles: &tiles };
         let made = run(&batch, &renderer, &|p| progress.add_weighted(1, (self.weight)(p.tile)));
         progress.finish();
         let finished = made?.peak_bytes;
         self.parts.publish(claim)?;
         Ok(self.memory(renderer.peak_bytes(), finished))
-    }
-
-    /// The tiles, a few that are little work moved to the end: there some threads wait for the last tiles of the others.
-    fn light_last(&self) -> Vec<TileAddress> {
-        let count = (LIGHT_PER_THREAD * rayon::current_num_threads()).min(self.tiles.len() / 4);
-        let area = |tile| self.job.record.manifest.tile_rect(tile).area();
-        let work = |&tile: &TileAddress| ((self.weight)(tile), area(tile), tile);
-        let mut light: Vec<_> = self.tiles.iter().map(work).collect();
-        light.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        light.truncate(count);
-        let is_light: BTreeSet<_> = light.iter().map(|&(.., tile)| tile).collect();
-        let others = self.tiles.iter().copied().filter(|tile| !is_light.contains(tile));
-        others.chain(light.iter().rev().map(|&(.., tile)| tile)).collect()
     }
 
     /// The parts of an earlier plan of which tiles are kept.
@@ -111,5 +100,41 @@ impl BatchRun<'_> {
             held("blocks", budget.block_bytes * threads, block_bytes * threads),
             held("finished tiles", budget.output_bytes, finished_bytes),
         ]
+    }
+}
+
+/// The tiles, `count` of them, but at most a quarter, that are least work moved to the end, the lightest last: there some
+/// threads wait for the last tiles of the others. The work of tiles of one weight goes by their area.
+fn light_last(
+    tiles: &[TileAddress],
+    count: usize,
+    work: &dyn Fn(TileAddress) -> (f64, usize),
+) -> Vec<TileAddress> {
+    let mut light: Vec<_> = tiles.iter().map(|&tile| (work(tile), tile)).collect();
+    light.sort_by(|((a, a_area), _), ((b, b_area), _)| a.total_cmp(b).then(a_area.cmp(b_area)));
+    light.truncate(count.min(tiles.len() / 4));
+    let is_light: BTreeSet<_> = light.iter().map(|&(_, tile)| tile).collect();
+    let others = tiles.iter().copied().filter(|tile| !is_light.contains(tile));
+    others.chain(light.iter().rev().map(|&(_, tile)| tile)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lightest_tiles_come_last_and_the_others_keep_their_order() {
+        let tiles: Vec<_> = (0..12).map(|x| TileAddress { x, y: 0 }).collect();
+        let order = |count, work: &dyn Fn(TileAddress) -> (f64, usize)| -> Vec<u32> {
+            light_last(&tiles, count, work).iter().map(|tile| tile.x).collect()
+        };
+        let heavy_but_for = |light: [u32; 2]| {
+            move |tile: TileAddress| (if light.contains(&tile.x) { 1.0 } else { 9.0 }, 1)
+        };
+        assert_eq!(order(2, &heavy_but_for([3, 0])), [1, 2, 4, 5, 6, 7, 8, 9, 10, 11, 3, 0]);
+        // Of one weight: by area; no more than a quarter.
+        let narrow = |tile: TileAddress| (1.0, if tile.x % 4 == 3 { 10 } else { 100 });
+        assert_eq!(order(99, &narrow), [0, 1, 2, 4, 5, 6, 8, 9, 10, 11, 7, 3]);
+        assert_eq!(order(0, &narrow), (0..12).collect::<Vec<_>>());
     }
 }

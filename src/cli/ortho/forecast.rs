@@ -238,18 +238,18 @@ fn held_while_rendering(
     let shown = (work.faces / work.surface_pixels.max(1.0)).min(1.0);
     let bytes = |[pixel, face]: [f64; 2]| pixel + face * shown;
     let mut block = pixels * (bytes(SURFACE_BYTES) + bytes(VIEW_BYTES) * views);
-    // One that does not fit is rendered in quarters.
-    while block > budget.block_bytes as f64 {
+    // One that does not fit is rendered in quarters, down to 16 pixels a side.
+    let least = block / 256.0;
+    while block > budget.block_bytes as f64 && block > least {
         block /= 4.0;
     }
-    let block = block as u64;
-    let block = block.min(budget.block_bytes) * config.threads as u64;
+    let blocks = block as u64 * config.threads as u64;
     // A mesh store stays as far as it is used, if all of it may; else only what is being looked at does.
     let used = (work.faces / mesh.counts().triangles.max(1) as f64).min(1.0);
     let held = mesh.held_bytes();
     let mesh = if held < mesh.file_bytes() { held } else { (held as f64 * used) as u64 };
     mesh + budget.photo_bytes.min(photos)
-        + block
+        + blocks
         + budget.output_bytes.min(FINISHED_BYTES * config.threads as u64)
 }
 

@@ -118,8 +118,8 @@ impl Plan {
         }
     }
 
-    /// All triangles are held, and those of two buckets are sorted. If not all can be, the process held about as much as the two that
-    /// are sorted at a time may take (3 and 30 million faces, budgets of 102 and 410 MiB: 0.7 to 0.8 of the budget).
+    /// All triangles are held, and those of two buckets are sorted. If not all can be, the process held about as much as
+    /// the two that are sorted at a time may take (3 and 30 million faces, budgets of 102 and 410 MiB: 0.7 to 0.8 of the budget).
     fn working_bytes(&self) -> u64 {
         if self.holds_triangles {
             self.faces.saturating_mul(LIKELY_HELD_BYTES)

@@ -56,11 +56,12 @@ type Outcome = std::result::Result<PreparedPhoto, LeftOut>;
 ///
 /// The outcomes are in the order of `sources`. A photo that is missing, broken, unsupported or of another size than
 /// expected is left out, with the reason; of one that is not needed only the header tells. `progress` is called from
-/// several threads, once a photo. While files are made, a lock on the folder keeps other processes that would make some waiting.
+/// several threads, once a photo. While files are made, a lock on the folder keeps other processes that would make some
+/// waiting.
 ///
 /// Steps: 1. in parallel, each header is read and each store file that matches is opened; 2. it is chosen how each
-/// photo is read (see [`Reading::Auto`]), and if files are to be made, both again under the lock; 3. if a store file has to be built that needs more than the budget, nothing is
-/// begun; 4. in parallel, photos are decoded and store files built.
+/// photo is read (see [`Reading::Auto`]), and if files are to be made, both again under the lock; 3. if a store file has
+/// to be built that needs more than the budget, nothing is begun; 4. in parallel, photos are decoded and store files built.
 ///
 /// # Errors
 /// [`Error::OverBudget`] if a photo cannot be decoded within the budget; [`Error::Io`] for the folder, a full disk,
