@@ -1,7 +1,7 @@
 //! Pixels a second of the blend: a block of 128 × 128 pixels that 1, 3 or 7 photos see, one of them wrong.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use groundel::blend::{OrthoTile, SampleTile, Settings, Statistics, blend_into};
+use groundel::blend::{OrthoTile, PhotoSamples, SampleTile, Settings, Statistics, blend_into};
 use groundel::geom::{FaceId, PixelRect};
 use groundel::image::Samples;
 
@@ -26,7 +26,14 @@ fn blend(c: &mut Criterion) {
             b.iter(|| {
                 stack.begin(rect);
                 for (photo, colours) in (0..).zip(&colours) {
-                    stack.push(photo, 1.0, &pixels, colours, &weights);
+                    stack.push(&PhotoSamples {
+                        photo,
+                        gain: 1.0,
+                        pixels: &pixels,
+                        colours,
+                        weights: &weights,
+                        soft: None,
+                    });
                 }
                 blend_into(&settings, &mut stack, &mut tile, &mut statistics);
             });

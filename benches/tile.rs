@@ -12,7 +12,7 @@ use groundel::geom::PixelRect;
 use groundel::image::Samples;
 use groundel::input::photo::read_photo_header;
 use groundel::render::{
-    BlendSettings, Interpolation, OrthoTile, Renderer, Scene, ScenePhoto, Tolerance,
+    BlendSettings, Canvas, Interpolation, OrthoTile, Renderer, Scene, ScenePhoto, Tolerance,
 };
 use groundel::store::mesh::{PartitionBuffer, PartitionId};
 use groundel::store::photo::{PhotoFingerprint, PhotoStore, PhotoTiles};
@@ -29,16 +29,14 @@ const BLOCK: PixelRect = PixelRect { x0: 256, y0: 128, x1: 512, y1: 384 };
 const MOST_EMPTY: usize = 100;
 
 /// Everything that a tile is rendered from, made in `folder`.
-fn whole_scene(folder: &Path) -> Scene {
+fn whole_scene(folder: &Path) -> (Scene, Canvas) {
     let set = scene::facade();
     let mesh = scene::mesh_store(&scene::write_mesh(folder).0, folder);
     let photos = photos(&set.shots()).expect("seven photos").photos;
     let pixels = pixels(folder, &Caster::of_scene(&set.scene()), &photos);
     let origin = mesh.origin();
     let of = |(photo, k): (&Photo, u16)| ScenePhoto::new(k, photo, origin, 1.0);
-    Scene {
-        mosaic: set.plane().mosaic().expect("a plane").local(origin),
-        below: Vec::new(),
+    let scene = Scene {
         photos: photos.iter().zip(0..).map(of).collect(),
         names: photos.len(),
         mesh,
@@ -46,8 +44,13 @@ fn whole_scene(folder: &Path) -> Scene {
         masks: None,
         interpolation: Interpolation::Bicubic,
         blend: BlendSettings::default(),
+    };
+    let canvas = Canvas {
+        mosaic: set.plane().mosaic().expect("a plane").local(origin),
+        below: Vec::new(),
         tolerance: Tolerance::Fixed(0.02 * set.pixel_size),
-    }
+    };
+    (scene, canvas)
 }
 
 fn pixels(folder: &Path, caster: &Caster, photos: &[Photo]) -> PhotoStore {
@@ -65,14 +68,18 @@ fn pixels(folder: &Path, caster: &Caster, photos: &[Photo]) -> PhotoStore {
     PhotoStore::open(entries, 256 << 20).expect("stores that were just made")
 }
 
-fn surface(scene: &Scene, column: &[PartitionId], builder: &mut SurfaceBuilder) {
+fn surface(
+    (scene, canvas): (&Scene, &Canvas),
+    column: &[PartitionId],
+    builder: &mut SurfaceBuilder,
+) {
     let mut partition = PartitionBuffer::new();
-    builder.start(&scene.mosaic, BLOCK);
+    builder.start(&canvas.mosaic, BLOCK);
     for &id in column {
         scene.mesh.load(id, &mut partition).expect("a good store");
-        builder.add(&scene.mosaic, &partition.block());
+        builder.add(&canvas.mosaic, &partition.block());
     }
-    builder.finish(&scene.mosaic);
+    builder.finish(&canvas.mosaic);
 }
 
 /// What is needed to decide where one photo sees a block.
@@ -105,25 +112,27 @@ impl View {
 
 fn tile(c: &mut Criterion) {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let scene = whole_scene(folder.path());
+    let (scene, canvas) = whole_scene(folder.path());
     let (mut column, block) = (Vec::new(), Block::outline(BLOCK));
-    scene.mesh.query(|bounds| block.may_be_shown(&scene.mosaic, bounds), &mut column);
+    scene.mesh.query(|bounds| block.may_be_shown(&canvas.mosaic, bounds), &mut column);
     let mut group = c.benchmark_group("tile");
     group.throughput(Throughput::Elements(BLOCK.area() as u64)).sample_size(20);
 
     let mut builder = SurfaceBuilder::default();
-    group.bench_function("surface", |b| b.iter(|| surface(&scene, &column, &mut builder)));
-    surface(&scene, &column, &mut builder);
+    group.bench_function("surface", |b| {
+        b.iter(|| surface((&scene, &canvas), &column, &mut builder))
+    });
+    surface((&scene, &canvas), &column, &mut builder);
     let shown = builder.tile().points.iter().filter(|p| !p.is_nan()).count();
     assert!(BLOCK.area() - shown <= MOST_EMPTY, "{shown} pixels show a surface");
 
     let photo = &scene.photos[1].view;
-    let sight = Sight { photo, surface: builder.tile(), tolerance: scene.tolerance };
+    let sight = Sight { photo, surface: builder.tile(), tolerance: canvas.tolerance };
     let mut view = View::default();
     group.bench_function("visibility", |b| b.iter(|| view.decide(&scene, &sight)));
     let seen = view.decide(&scene, &sight);
 
-    let mut renderer = Renderer::new(&scene, 1 << 30);
+    let mut renderer = Renderer::new(&scene, &canvas, 1 << 30);
     group.bench_function("whole", |b| {
         b.iter(|| renderer.tile(BLOCK).expect("good stores"));
     });

@@ -6,13 +6,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::{Manifest, Rendered, TileAddress, TileRenderer, notes};
 use crate::image::Samples;
 use crate::output::{Layer, Meaning, Raster};
-use crate::render::{OrthoTile, PhotoStats, Renderer, Scene, Statistics};
+use crate::render::{Canvas, OrthoTile, PhotoStats, Renderer, Scene, Statistics};
 use crate::{Error, Result};
 
 /// Renders the tiles of a job; the note of a tile is its statistics.
 #[derive(Debug)]
 pub struct SceneTiles<'a> {
     scene: &'a Scene,
+    canvas: &'a Canvas,
     manifest: &'a Manifest,
     block_bytes: u64,
     /// Memory of the thread that held most.
@@ -21,9 +22,14 @@ pub struct SceneTiles<'a> {
 
 impl<'a> SceneTiles<'a> {
     /// A renderer of the job's tiles whose threads keep their working memory within about `block_bytes` each. The
-    /// manifest has the scene's sections.
-    pub fn new(scene: &'a Scene, manifest: &'a Manifest, block_bytes: u64) -> Self {
-        Self { scene, manifest, block_bytes, peak_bytes: AtomicU64::new(0) }
+    /// manifest has the canvas's sections.
+    pub fn new(
+        scene: &'a Scene,
+        canvas: &'a Canvas,
+        manifest: &'a Manifest,
+        block_bytes: u64,
+    ) -> Self {
+        Self { scene, canvas, manifest, block_bytes, peak_bytes: AtomicU64::new(0) }
     }
 
     /// The most working memory that one thread held so far, bytes.
@@ -36,7 +42,7 @@ impl<'a> TileRenderer for SceneTiles<'a> {
     type Scratch = Renderer<'a>;
 
     fn scratch(&self) -> Renderer<'a> {
-        Renderer::new(self.scene, self.block_bytes)
+        Renderer::new(self.scene, self.canvas, self.block_bytes)
     }
 
     fn render(&self, tile: TileAddress, renderer: &mut Renderer<'a>) -> Result<Rendered> {

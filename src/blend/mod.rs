@@ -13,16 +13,20 @@
 //! Promises: a pixel depends on its own samples alone; sums run in photo id order, in f64; statistics are
 //! integers, so that they are equal for any order of the tiles. Nothing is allocated a pixel.
 
-mod pixel;
+mod block;
+mod counting;
+mod robust;
 mod settings;
+mod sigma;
 mod stack;
 mod statistics;
+mod strip;
 #[cfg(test)]
 mod tests;
 mod tile;
 
-pub use pixel::{blend_into, blend_parts_into};
-pub use settings::{Blend, Outliers, Settings, Weights};
-pub use stack::SampleTile;
+pub use block::{blend_into, blend_parts_into};
+pub use settings::{Blend, Edges, Outliers, Settings, Weights};
+pub use stack::{PhotoSamples, SampleTile, SoftSamples};
 pub use statistics::{Parts, PhotoStats, Statistics};
 pub use tile::OrthoTile;

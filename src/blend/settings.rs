@@ -15,6 +15,9 @@ pub enum Outliers {
     /// σ < 0.5/255 of the range. Should none be left (β < 1), the nearest to μ stays, of equals the lowest id.
     #[default]
     Sigma,
+    /// No sample is dropped at once: each weighs the less the farther it is from where most samples agree, see
+    /// [`blend_into`](super::blend_into).
+    Robust,
 }
 
 /// What a sample weighs.
@@ -27,6 +30,21 @@ pub enum Weights {
     Area,
     /// As much as any other.
     Equal,
+    /// By the fourth power of how well the photo resolves the surface: photo pixels that the mosaic pixel covers, times
+    /// cos⁴ of the angle between the photo's ray and the mosaic's line of sight.
+    Sharp,
+}
+
+/// What a sample weighs near the border of what its photo sees.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+)]
+pub enum Edges {
+    /// As much as elsewhere.
+    #[default]
+    None,
+    /// Less and less, to almost nothing.
+    Guard,
 }
 
 /// What becomes of the samples that are kept.
@@ -50,6 +68,8 @@ pub struct Settings {
     pub beta: f64,
     /// What a sample weighs.
     pub weights: Weights,
+    /// What it weighs near the border of what its photo sees.
+    pub edges: Edges,
     /// What becomes of the kept samples.
     pub blend: Blend,
     /// Channels of the output. Grey takes channel 0 of the samples, everywhere.
@@ -66,6 +86,7 @@ impl Default for Settings {
             outliers: Outliers::Sigma,
             beta: 1.0,
             weights: Weights::Area,
+            edges: Edges::None,
             blend: Blend::Mean,
             colour: Colour::Rgb,
             depth: Depth::Eight,

@@ -12,6 +12,7 @@ const GREY: Settings = Settings {
     outliers: Outliers::Sigma,
     beta: 1.0,
     weights: Weights::Area,
+    edges: Edges::None,
     blend: Blend::Mean,
     colour: Colour::Grey,
     depth: Depth::Eight,
@@ -25,6 +26,10 @@ fn grey(values: &[f32]) -> Vec<(u16, [f32; 3], f64)> {
     (0..).zip(values).map(|(photo, &v)| (photo, [v; 3], 1.0)).collect()
 }
 
+fn push(stack: &mut SampleTile, photo: u16, pixels: &[u32], colours: &[[f32; 3]], weights: &[f64]) {
+    stack.push(&PhotoSamples { photo, gain: 1.0, pixels, colours, weights, soft: None });
+}
+
 /// A tile of one pixel with a surface, blended from `pixel`.
 fn one(settings: &Settings, pixel: &Pixel) -> (OrthoTile, Statistics) {
     let rect = PixelRect::new(40, 50, 41, 51);
@@ -34,7 +39,7 @@ fn one(settings: &Settings, pixel: &Pixel) -> (OrthoTile, Statistics) {
     let mut stack = SampleTile::new();
     stack.begin(rect);
     for &(photo, colour, weight) in pixel {
-        stack.push(photo, 1.0, &[0], &[colour], &[weight]);
+        push(&mut stack, photo, &[0], &[colour], &[weight]);
     }
     blend_into(settings, &mut stack, &mut tile, &mut statistics);
     statistics.count_tile(&tile);
@@ -228,7 +233,7 @@ fn mosaic(settings: &Settings, side: i64, reverse: bool) -> (OrthoTile, Statisti
             let colours: Vec<_> = pixels.iter().map(|&k| [value(k), 9.5, value(k) * 0.5]).collect();
             let weights: Vec<_> = pixels.iter().map(|&k| hash(k, photo + 200) as f64).collect();
             let pixels: Vec<_> = pixels.iter().map(|&k| u32::try_from(k).unwrap()).collect();
-            stack.push(photo, 1.0, &pixels, &colours, &weights);
+            push(&mut stack, photo, &pixels, &colours, &weights);
         }
         blend_into(settings, &mut stack, &mut tile, &mut part);
         statistics.merge(&part);
@@ -322,7 +327,7 @@ fn patchy(count: impl FnOnce(&mut SampleTile, &mut OrthoTile)) -> OrthoTile {
         let pixels: Vec<u32> = (0..90).filter(sees).collect();
         let colours: Vec<_> = pixels.iter().map(|&k| [(k * 13 % 200) as f32; 3]).collect();
         let off = colours.iter().map(|c| c.map(|v| v + 5.0 * f32::from(photo))).collect::<Vec<_>>();
-        stack.push(photo, 1.0, &pixels, &off, &vec![1.0; pixels.len()]);
+        push(&mut stack, photo, &pixels, &off, &vec![1.0; pixels.len()]);
     }
     count(&mut stack, &mut tile);
     tile

@@ -26,4 +26,4 @@ pub use mesh_source::{
 };
 pub use point_source::{POINT_LIMIT_M, PointSource, PointStream};
 pub use predicates::{incircle, orient2d};
-pub use rect::{PixelRect, Size};
+pub use rect::{HaloRect, PixelRect, Size};

@@ -110,9 +110,69 @@ impl PixelRect {
     }
 }
 
+/// A rectangle of pixels that are written, and the larger one of those that are computed for their sake.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct HaloRect {
+    /// What is written.
+    pub inner: PixelRect,
+    /// `inner` and what lies around it.
+    pub outer: PixelRect,
+}
+
+impl From<PixelRect> for HaloRect {
+    /// A rectangle with nothing around it.
+    fn from(rect: PixelRect) -> Self {
+        Self { inner: rect, outer: rect }
+    }
+}
+
+impl HaloRect {
+    /// `inner` with `halo` pixels on each side.
+    pub fn around(inner: PixelRect, halo: i64) -> Self {
+        let PixelRect { x0, y0, x1, y1 } = inner;
+        Self { inner, outer: PixelRect::new(x0 - halo, y0 - halo, x1 + halo, y1 + halo) }
+    }
+
+    /// `outer` in pieces of at most `side`: first those of `inner`, as [`PixelRect::blocks`] gives them, then what lies
+    /// above, below, left and right of it.
+    ///
+    /// # Panics
+    /// If `side` is not positive.
+    pub fn blocks(self, side: i64) -> impl Iterator<Item = PixelRect> {
+        let Self { inner: i, outer: o } = self;
+        [
+            i,
+            PixelRect::new(o.x0, o.y0, o.x1, i.y0),
+            PixelRect::new(o.x0, i.y1, o.x1, o.y1),
+            PixelRect::new(o.x0, i.y0, i.x0, i.y1),
+            PixelRect::new(i.x1, i.y0, o.x1, i.y1),
+        ]
+        .into_iter()
+        .flat_map(move |part| part.blocks(side))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_rectangle_and_its_halo_are_cut_so_that_every_pixel_comes_once_and_the_inner_ones_first() {
+        let halo = HaloRect::around(PixelRect::new(-3, 5, 130, 77), 8);
+        let mut hits = vec![0; halo.outer.area()];
+        for b in halo.blocks(32) {
+            assert!(halo.outer.contains(&b) && !b.is_empty());
+            for y in b.y0..b.y1 {
+                for x in b.x0..b.x1 {
+                    hits[usize::try_from((y + 3) * 149 + x + 11).unwrap()] += 1;
+                }
+            }
+        }
+        assert!(hits.iter().all(|&h| h == 1));
+        let inner = halo.inner.blocks(32).count();
+        assert!(halo.blocks(32).take(inner).eq(halo.inner.blocks(32)));
+        assert!(HaloRect::from(halo.inner).blocks(32).eq(halo.inner.blocks(32)));
+    }
 
     #[test]
     fn blocks_cover_every_pixel_exactly_once() {

@@ -3,17 +3,18 @@
 use glam::DVec2;
 
 use crate::Result;
-use crate::blend::{OrthoTile, SampleTile};
+use crate::blend::{Edges, OrthoTile, Outliers, PhotoSamples, SampleTile, SoftSamples};
 use crate::geom::{Bounds2, PixelRect, Size, held_bytes};
 use crate::image::{Image, Samples, Window};
-use crate::sample::{level_of, sample_into, taps_of};
+use crate::sample::{Interpolation, level_of, sample_into, taps_of};
 use crate::surface::SurfaceTile;
 use crate::visibility::{SUB_BLOCK, ViewTile};
 
-use super::Scene;
+use super::fading::Fading;
 use super::masking::Masking;
 use super::sections::Findings;
 use super::tile::View;
+use super::{Canvas, Scene};
 
 /// Largest window, pixels of level 0: points whose taps lie farther apart are sampled in parts. Four photo tiles; half of it on
 /// coarser levels, whose windows are widened to whole pixels.
@@ -27,77 +28,171 @@ const LEAST_AREA: usize = 64 * 64;
 /// Pixels of a photo that are fetched ahead for each of a block, at most: more lies around few points.
 const AHEAD: usize = 16;
 
+/// A block's section, and what is to be known of it beside its surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Section<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) canvas: &'a Canvas,
+    /// From the lowest.
+    pub(super) number: usize,
+    /// Which of the inner pixels, row-major, are to be coloured; `None`: all.
+    pub(super) is_open: Option<&'a [bool]>,
+    /// What [`greatest_around`](super::sections::greatest_around) says; empty where there is one section.
+    pub(super) around: &'a [f64],
+}
+
+/// How colours are compared: bilinear, two levels above that of the pixel's footprint. There a colour is a mean over
+/// some four mosaic pixels square, and half a pixel between photos makes little of a difference.
+const COARSE: (Interpolation, u32) = (Interpolation::Bilinear, 2);
+
 /// Colours one block after another, reusing its memory.
 #[derive(Debug)]
 pub(super) struct Colouring {
     masking: Masking,
     sampler: Sampler,
+    /// Of the same points, from coarser levels.
+    coarse: Sampler,
+    fading: Fading,
     samples: SampleTile,
+    is_kept: Vec<bool>,
     pub(super) findings: Findings,
 }
 
 impl Colouring {
-    pub(super) fn new(scene: &Scene) -> Self {
+    pub(super) fn new(scene: &Scene, canvas: &Canvas) -> Self {
         Self {
             masking: Masking::default(),
             sampler: Sampler::default(),
+            coarse: Sampler::default(),
+            fading: Fading::default(),
             samples: SampleTile::new(),
-            findings: Findings::new(scene),
+            is_kept: Vec::new(),
+            findings: Findings::new(scene, canvas),
         }
     }
 
     /// Memory held, bytes.
     pub(super) fn memory_bytes(&self) -> u64 {
-        let sampler = &self.sampler;
-        let window = match &sampler.window.samples {
-            Samples::U8(image) => image.data().len(),
-            Samples::U16(image) => 2 * image.data().len(),
-        };
         self.samples.memory_bytes()
-            + window as u64
-            + held_bytes(&sampler.levels)
-            + held_bytes(&sampler.chosen)
-            + held_bytes(&sampler.positions)
-            + held_bytes(&sampler.sampled)
-            + held_bytes(&sampler.colours)
+            + self.sampler.memory_bytes()
+            + self.coarse.memory_bytes()
+            + self.fading.memory_bytes()
+            + held_bytes(&self.is_kept)
             + self.findings.memory_bytes()
     }
 
     /// Stages 3 to 5 of a block of a section: samples of every view, outliers, blend.
     pub(super) fn block(
         &mut self,
-        (scene, section): (&Scene, usize),
+        to: &Section<'_>,
         surface: &SurfaceTile,
         views: &mut [View],
         tile: &mut OrthoTile,
     ) -> Result<()> {
-        tile.set_surface(surface.rect, |k| {
-            surface.face_at(k).map(|f| (surface.elevations[k], f.id))
+        let (scene, inner) = (to.scene, surface.inner);
+        tile.set_surface(inner, |k| {
+            let at = surface.pixel_in(inner, k);
+            let is_open = to.is_open.is_none_or(|is_open| is_open[k]);
+            let face = surface.face_at(at).filter(|_| is_open);
+            face.map(|f| (surface.elevations[at], f.id))
         });
         scene.pixels.prefetch(views.iter().filter_map(|view| {
             let photo = usize::from(scene.photos[view.photo].index);
             let around = pixels_around(&view.points.photo_bounds()?);
-            (around.area() <= AHEAD * surface.rect.area()).then_some((photo, around))
+            (around.area() <= AHEAD * inner.area()).then_some((photo, around))
         }))?;
-        for (k, sub) in surface.rect.blocks(SUB_BLOCK).enumerate() {
+        if scene.blend.edges == Edges::Guard {
+            for view in &mut *views {
+                self.find_edges(to, surface, view)?;
+            }
+        }
+        for (k, sub) in inner.blocks(SUB_BLOCK).enumerate() {
             self.samples.begin(sub);
             for view in &mut *views {
-                let photo = &scene.photos[view.photo];
-                let seen = view.points.seen_in(k);
-                let view = &mut view.tile;
-                view.view(surface, &scene.mosaic, &photo.view, sub, seen);
-                if let Some(masks) = &scene.masks {
-                    self.masking.apply(masks, photo.index.into(), view)?;
+                self.take_view(to, surface, (k, sub), view)?;
+                if !view.tile.is_empty() {
+                    self.sample(scene, sub, view)?;
                 }
-                if view.is_empty() {
-                    continue;
-                }
-                self.sampler.sample(scene, usize::from(photo.index), view)?;
-                let colours = &self.sampler.colours;
-                self.samples.push(photo.index, photo.gain, &view.pixels, colours, &view.weights);
             }
-            self.findings.blend(scene, section, surface, &mut self.samples, tile);
+            self.findings.blend(to, inner, &mut self.samples, tile);
         }
+        Ok(())
+    }
+
+    /// How far from the border of what a view sees its pixels lie.
+    fn find_edges(
+        &mut self,
+        to: &Section<'_>,
+        surface: &SurfaceTile,
+        view: &mut View,
+    ) -> Result<()> {
+        let photo = &to.scene.photos[view.photo];
+        view.edges.start(surface);
+        let masks = to.scene.masks.as_ref().filter(|masks| masks.has(photo.index.into()));
+        let Some(masks) = masks else {
+            view.edges.see(surface, &view.points);
+            return Ok(view.edges.finish());
+        };
+        // What is masked is not seen: that is known of photo positions only.
+        let mosaic = to.canvas.section(to.number);
+        for (k, part) in surface.halo().blocks(SUB_BLOCK).enumerate() {
+            let seen = view.points.seen_in(k);
+            view.tile.view(surface, mosaic, &photo.view, part, seen);
+            self.masking.apply(masks, photo.index.into(), &mut view.tile)?;
+            view.edges.see_pixels(surface, part, &view.tile.pixels);
+        }
+        Ok(view.edges.finish())
+    }
+
+    /// Stage 2 for the pixels of a sub-block: what a view sees of them, if they are to be coloured.
+    fn take_view(
+        &mut self,
+        to: &Section<'_>,
+        surface: &SurfaceTile,
+        (k, sub): (usize, PixelRect),
+        view: &mut View,
+    ) -> Result<()> {
+        let photo = &to.scene.photos[view.photo];
+        let (mosaic, seen) = (to.canvas.section(to.number), view.points.seen_in(k));
+        view.tile.view(surface, mosaic, &photo.view, sub, seen);
+        if let Some(masks) = &to.scene.masks {
+            self.masking.apply(masks, photo.index.into(), &mut view.tile)?;
+        }
+        if let Some(is_open) = to.is_open {
+            let inner = surface.inner;
+            let inside = |v: i64| usize::try_from(v).expect("inside the block");
+            let first = inside(sub.y0 - inner.y0) * inner.width() + inside(sub.x0 - inner.x0);
+            let at =
+                |pixel: usize| first + pixel / sub.width() * inner.width() + pixel % sub.width();
+            self.is_kept.clear();
+            self.is_kept.extend(view.tile.pixels.iter().map(|&pixel| is_open[at(pixel as usize)]));
+            view.tile.retain(&self.is_kept);
+        }
+        Ok(())
+    }
+
+    /// Stage 3: the samples of a view.
+    fn sample(&mut self, scene: &Scene, sub: PixelRect, view: &View) -> Result<()> {
+        let photo = &scene.photos[view.photo];
+        let (number, points) = (usize::from(photo.index), &view.tile);
+        let fine = (scene.interpolation, 0);
+        self.sampler.sample(scene, number, points, fine)?;
+        let is_robust = scene.blend.outliers == Outliers::Robust;
+        if is_robust {
+            self.coarse.sample(scene, number, points, COARSE)?;
+        }
+        self.fading.weigh(scene, photo, sub, view);
+        let Fading { quality, guards, fades, .. } = &self.fading;
+        let weights = self.fading.weights(view);
+        let soft = SoftSamples { coarse: &self.coarse.colours, quality, guards, fades };
+        self.samples.push(&PhotoSamples {
+            photo: photo.index,
+            gain: photo.gain,
+            pixels: &points.pixels,
+            colours: &self.sampler.colours,
+            weights,
+            soft: is_robust.then_some(soft),
+        });
         Ok(())
     }
 }
@@ -112,6 +207,7 @@ fn pixels_around(bounds: &Bounds2) -> PixelRect {
 /// Samples the points of one view after another, reusing its memory.
 #[derive(Debug)]
 struct Sampler {
+    interpolation: Interpolation,
     window: Window,
     levels: Vec<u32>,
     /// Points of one level.
@@ -126,6 +222,7 @@ impl Default for Sampler {
     fn default() -> Self {
         let samples = Samples::U8(Image::filled(Size::new(0, 0), 1, 0));
         Self {
+            interpolation: Interpolation::default(),
             window: Window { level: 0, rect: PixelRect::default(), samples },
             levels: Vec::new(),
             chosen: Vec::new(),
@@ -137,15 +234,38 @@ impl Default for Sampler {
 }
 
 impl Sampler {
-    /// Samples every point of `view` from photo `k` of the store, each at the level of its own footprint.
-    fn sample(&mut self, scene: &Scene, k: usize, view: &ViewTile) -> Result<()> {
+    /// Memory held, bytes.
+    fn memory_bytes(&self) -> u64 {
+        let window = match &self.window.samples {
+            Samples::U8(image) => image.data().len(),
+            Samples::U16(image) => 2 * image.data().len(),
+        };
+        window as u64
+            + held_bytes(&self.levels)
+            + held_bytes(&self.chosen)
+            + held_bytes(&self.positions)
+            + held_bytes(&self.sampled)
+            + held_bytes(&self.colours)
+    }
+
+    /// Samples every point of `view` from photo `k` of the store, each so many levels above that of its own footprint.
+    fn sample(
+        &mut self,
+        scene: &Scene,
+        k: usize,
+        view: &ViewTile,
+        (interpolation, above): (Interpolation, u32),
+    ) -> Result<()> {
+        self.interpolation = interpolation;
         let levels = scene.pixels.levels(k);
         let greatest = view.footprints_squared.iter().fold(0.0, |max: f64, &f| max.max(f));
-        if level_of(greatest, levels) == 0 {
+        if level_of(greatest, levels) + above == 0 {
             return self.sample_finest(scene, k, &view.positions);
         }
+        let last = levels.saturating_sub(1);
         self.levels.clear();
-        self.levels.extend(view.footprints_squared.iter().map(|&f| level_of(f, levels)));
+        let level = |&f: &f64| (level_of(f, levels) + above).min(last);
+        self.levels.extend(view.footprints_squared.iter().map(level));
         self.colours.clear();
         self.colours.resize(view.positions.len(), [0.0; 3]);
         for level in 0..levels {
@@ -164,10 +284,10 @@ impl Sampler {
     fn sample_finest(&mut self, scene: &Scene, k: usize, positions: &[DVec2]) -> Result<()> {
         self.colours.clear();
         self.colours.resize(positions.len(), [0.0; 3]);
-        let rect = taps_of(scene.interpolation, positions, 0);
+        let rect = taps_of(self.interpolation, positions, 0);
         if is_close(&rect, positions.len(), 0) {
             scene.pixels.window_into(k, 0, rect, &mut self.window)?;
-            sample_into(&self.window, scene.interpolation, positions, &mut self.colours);
+            sample_into(&self.window, self.interpolation, positions, &mut self.colours);
             return Ok(());
         }
         let mut chosen = std::mem::take(&mut self.chosen);
@@ -192,7 +312,7 @@ impl Sampler {
         }
         self.positions.clear();
         self.positions.extend(chosen.iter().map(|&i| positions[i as usize]));
-        let rect = taps_of(scene.interpolation, &self.positions, level);
+        let rect = taps_of(self.interpolation, &self.positions, level);
         let spanned = Bounds2::of(self.positions.iter().copied());
         let middle = (spanned.min + spanned.max) / 2.0;
         let is_wide = spanned.max.x - spanned.min.x >= spanned.max.y - spanned.min.y;
@@ -210,7 +330,7 @@ impl Sampler {
         scene.pixels.window_into(k, level, rect, &mut self.window)?;
         self.sampled.clear();
         self.sampled.resize(chosen.len(), [0.0; 3]);
-        sample_into(&self.window, scene.interpolation, &self.positions, &mut self.sampled);
+        sample_into(&self.window, self.interpolation, &self.positions, &mut self.sampled);
         for (&i, &colour) in chosen.iter().zip(&self.sampled) {
             self.colours[i as usize] = colour;
         }

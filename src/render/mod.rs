@@ -10,17 +10,18 @@
 
 mod budget;
 mod colour;
+mod fading;
 mod masking;
 mod scene;
 mod sections;
 mod tile;
 
 pub use budget::{Budget, TileDemand};
-pub use scene::{Scene, ScenePhoto};
+pub use scene::{Canvas, Scene, ScenePhoto};
 pub use tile::Renderer;
 
 pub use crate::blend::{
-    Blend, OrthoTile, Outliers, PhotoStats, Settings as BlendSettings, Statistics, Weights,
+    Blend, Edges, OrthoTile, Outliers, PhotoStats, Settings as BlendSettings, Statistics, Weights,
 };
 pub use crate::sample::Interpolation;
 pub use crate::visibility::Tolerance;

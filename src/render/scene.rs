@@ -8,7 +8,7 @@ use crate::frame::LocalMosaic;
 use crate::sample::Interpolation;
 use crate::store::mesh::MeshStore;
 use crate::store::photo::PhotoStore;
-use crate::visibility::{Tolerance, ViewPhoto};
+use crate::visibility::{EdgeMap, Tolerance, ViewPhoto};
 
 /// A photo of the job.
 #[derive(Debug)]
@@ -29,14 +29,10 @@ impl ScenePhoto {
     }
 }
 
-/// All that a tile depends on. Photos are in the order of their index, by which the photo store knows them too.
+/// What is photographed, and the rule by which it is coloured. Photos are in the order of their index, by which the photo
+/// store knows them too. What is drawn of it is a [`Canvas`].
 #[derive(Debug)]
 pub struct Scene {
-    /// The mosaic, in the mesh store's local frame; of several sections the highest.
-    pub mosaic: LocalMosaic,
-    /// The other sections, from the lowest: the same mosaic, the slab with the same lower end and ever higher upper ends.
-    /// Empty for an ordinary mosaic.
-    pub below: Vec<LocalMosaic>,
     /// The mesh.
     pub mesh: MeshStore,
     /// The photos' pixels.
@@ -52,11 +48,28 @@ pub struct Scene {
     pub blend: blend::Settings,
     /// Number of photos in the whole camera set.
     pub names: usize,
-    /// The part of the segment before a surface point in which a face does not occlude it.
+}
+
+/// What a scene is drawn on: a mosaic, or sections of one. A tile depends on scene, canvas and its rectangle alone.
+#[derive(Debug, Clone)]
+pub struct Canvas {
+    /// The mosaic, in the mesh store's local frame; of several sections the highest.
+    pub mosaic: LocalMosaic,
+    /// The other sections, from the lowest: the same mosaic, the slab with the same lower end and ever higher upper ends.
+    /// Empty for an ordinary mosaic.
+    pub below: Vec<LocalMosaic>,
+    /// The part of the segment before a surface point in which a face does not occlude it: it goes by the mosaic's pixel.
     pub tolerance: Tolerance,
 }
 
 impl Scene {
+    /// Pixels around a block that must be known for its colours.
+    pub(super) fn halo(&self) -> i64 {
+        if self.blend.edges == blend::Edges::Guard { EdgeMap::REACH } else { 0 }
+    }
+}
+
+impl Canvas {
     /// Number of sections; 1 for an ordinary mosaic.
     pub fn sections(&self) -> usize {
         self.below.len() + 1

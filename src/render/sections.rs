@@ -5,19 +5,36 @@
 //! the same point of the same face. And a pixel's colour and layers depend on the point and the face that it shows, not
 //! on the slab: what occludes is the whole mesh. So they are the same, and need not be found again.
 
-use super::Scene;
+use super::colour::Section;
+use super::{Canvas, Scene};
 use crate::blend::{
     OrthoTile, Parts, PhotoStats, SampleTile, Statistics, blend_into, blend_parts_into,
 };
-use crate::geom::{PixelRect, held_bytes};
+use crate::geom::{HaloRect, PixelRect, held_bytes};
 use crate::surface::SurfaceTile;
 
 /// What a block shows in the section that was rendered last.
 #[derive(Debug, Default)]
 pub(super) struct Above {
     rect: PixelRect,
-    /// Elevations, metres; NaN where there is no surface.
+    /// For each pixel the greatest elevation in its halo, metres; NaN where there is no surface. What lies above the end
+    /// of a lower section is another surface there, and a pixel's colour may depend on all of its halo.
     elevations: Vec<f64>,
+}
+
+/// For each pixel of the inner rectangle of `surface`, row-major, the greatest elevation in its halo, metres; NaN where
+/// there is none. Without a halo these are the elevations.
+pub(super) fn greatest_around(surface: &SurfaceTile) -> Vec<f64> {
+    let HaloRect { inner, outer } = surface.halo();
+    let halo = usize::try_from(inner.x0 - outer.x0).expect("inside");
+    let width = outer.width();
+    let rows = surface.elevations.chunks(width.max(1)).flat_map(|row| {
+        (0..inner.width()).map(|x| row[x..=x + 2 * halo].iter().copied().fold(f64::NAN, f64::max))
+    });
+    let along: Vec<f64> = rows.collect();
+    let width = inner.width();
+    let of = |k: usize| (0..=2 * halo).map(|dy| along[k + dy * width]).fold(f64::NAN, f64::max);
+    (0..inner.area()).map(of).collect()
 }
 
 impl Above {
@@ -26,10 +43,11 @@ impl Above {
         held_bytes(&self.elevations)
     }
 
-    /// Begins a block with its highest section.
-    pub(super) fn start(&mut self, surface: &SurfaceTile) {
-        self.rect = surface.rect;
-        self.elevations.clone_from(&surface.elevations);
+    /// Begins a block with its highest section: its inner rectangle, and what [`greatest_around`] says of it.
+    pub(super) fn start(&mut self, rect: PixelRect, around: &[f64]) {
+        self.rect = rect;
+        self.elevations.clear();
+        self.elevations.extend_from_slice(around);
     }
 
     /// The block.
@@ -37,8 +55,8 @@ impl Above {
         self.rect
     }
 
-    /// Whether pixel `k` of the block shows something above `greatest`, so that a section which ends there shows
-    /// something else, or nothing.
+    /// Whether the halo of pixel `k` of the block shows something above `greatest`, so that a section which ends there
+    /// shows something else, or nothing.
     pub(super) fn is_open(&self, k: usize, greatest: f64) -> bool {
         self.elevations[k] > greatest
     }
@@ -70,10 +88,15 @@ impl Above {
             + x
     }
 
-    /// Enters what the next section shows in its open pixels.
-    pub(super) fn enter(&mut self, surface: &SurfaceTile, greatest: f64) {
-        for (k, &elevation) in surface.elevations.iter().enumerate() {
-            let at = self.pixel(surface.rect, k);
+    /// Which pixels of `part`, row-major, are open.
+    pub(super) fn open_pixels(&self, part: PixelRect, greatest: f64) -> Vec<bool> {
+        (0..part.area()).map(|k| self.is_open(self.pixel(part, k), greatest)).collect()
+    }
+
+    /// Enters what the next section shows in its open pixels: `around` is of `part`.
+    pub(super) fn enter(&mut self, part: PixelRect, around: &[f64], greatest: f64) {
+        for (k, &elevation) in around.iter().enumerate() {
+            let at = self.pixel(part, k);
             if self.is_open(at, greatest) {
                 self.elevations[at] = elevation;
             }
@@ -95,8 +118,8 @@ pub(super) struct Findings {
 }
 
 impl Findings {
-    pub(super) fn new(scene: &Scene) -> Self {
-        let (photos, sections) = (scene.names, scene.sections());
+    pub(super) fn new(scene: &Scene, canvas: &Canvas) -> Self {
+        let (photos, sections) = (scene.names, canvas.sections());
         let none = || vec![Statistics::new(photos); sections];
         let shown_from = if sections > 1 { none() } else { Vec::new() };
         Self { photos, taken_for: none(), shown_from, part_of: Vec::new() }
@@ -108,26 +131,26 @@ impl Findings {
         (all * size_of::<PhotoStats>()) as u64 + held_bytes(&self.part_of)
     }
 
-    /// Blends a sub-block of a section into its tile and counts its samples.
+    /// Blends a sub-block of a section into its tile and counts its samples. The block's pixels are `rect`.
     pub(super) fn blend(
         &mut self,
-        scene: &Scene,
-        section: usize,
-        surface: &SurfaceTile,
+        to: &Section<'_>,
+        rect: PixelRect,
         samples: &mut SampleTile,
         tile: &mut OrthoTile,
     ) {
-        let statistics = &mut self.taken_for[section];
+        let (scene, canvas) = (to.scene, to.canvas);
+        let statistics = &mut self.taken_for[to.number];
         if self.shown_from.is_empty() {
             return blend_into(&scene.blend, samples, tile, statistics);
         }
-        let (sub, rect) = (samples.rect(), surface.rect);
+        let sub = samples.rect();
         let inside = |v: i64| usize::try_from(v).expect("inside the block");
         self.part_of.clear();
         for y in sub.y0..sub.y1 {
             let first = inside(y - rect.y0) * rect.width() + inside(sub.x0 - rect.x0);
-            let row = &surface.elevations[first..first + sub.width()];
-            self.part_of.extend(row.iter().map(|&elevation| scene.lowest_section(elevation)));
+            let row = &to.around[first..first + sub.width()];
+            self.part_of.extend(row.iter().map(|&elevation| canvas.lowest_section(elevation)));
         }
         let parts = Parts { part_of: &self.part_of, statistics: &mut self.shown_from };
         blend_parts_into(&scene.blend, samples, tile, statistics, parts);
@@ -141,8 +164,8 @@ impl Findings {
     }
 
     /// What was found since the last call, one a section.
-    pub(super) fn take(&mut self, scene: &Scene) -> Vec<Statistics> {
-        let Self { taken_for, shown_from, .. } = std::mem::replace(self, Self::new(scene));
+    pub(super) fn take(&mut self, scene: &Scene, canvas: &Canvas) -> Vec<Statistics> {
+        let Self { taken_for, shown_from, .. } = std::mem::replace(self, Self::new(scene, canvas));
         if shown_from.is_empty() {
             return taken_for;
         }
@@ -171,13 +194,13 @@ mod tests {
         let nan = f64::NAN;
         let elevations = vec![0.0, 1.0, nan, 0.5, 1.0, 2.0, 3.0, 0.0, nan, 1.5, 0.0, 0.0];
         let mut above = Above::default();
-        above.start(&SurfaceTile { rect, elevations, ..Default::default() });
+        above.start(rect, &elevations);
         assert_eq!(above.open_bounds(3.0), None);
         assert_eq!(above.open_bounds(1.0), Some(PixelRect::new(11, 21, 13, 23)));
         let part = PixelRect::new(11, 21, 13, 23);
         assert_eq!([0, 1, 2, 3].map(|k| above.pixel(part, k)), [5, 6, 9, 10]);
         let elevations = vec![0.25, nan, 0.75, nan];
-        above.enter(&SurfaceTile { rect: part, elevations, ..Default::default() }, 1.0);
+        above.enter(part, &elevations, 1.0);
         let left = [0.0, 1.0, nan, 0.5, 1.0, 0.25, nan, 0.0, nan, 0.75, 0.0, 0.0];
         assert_eq!(
             above.elevations.iter().map(|e| e.to_bits()).collect::<Vec<_>>(),

@@ -1,17 +1,17 @@
 //! [`Renderer::tile`]: the data path of one rectangle of the mosaic.
 
 use crate::Result;
-use crate::blend::{OrthoTile, SampleTile, Statistics};
-use crate::geom::{Bounds3, PixelRect, held_bytes};
+use crate::blend::{OrthoTile, SampleTile, Statistics, Weights};
+use crate::geom::{Bounds3, HaloRect, PixelRect, held_bytes};
 use crate::store::mesh::{PartitionBuffer, PartitionId};
 use crate::surface::{SurfaceBuilder, SurfaceTile};
 use crate::visibility::{
-    BlockPoints, OcclusionScratch, PointCells, RayPoints, SUB_BLOCK, Sight, ViewTile,
+    BlockPoints, EdgeMap, OcclusionScratch, PointCells, RayPoints, SUB_BLOCK, Sight, ViewTile,
 };
 
-use super::Scene;
-use super::colour::Colouring;
-use super::sections::Above;
+use super::colour::{Colouring, Section};
+use super::sections::{Above, greatest_around};
+use super::{Canvas, Scene};
 
 /// Largest side of a block, pixels: larger ones save little, because shafts overlap only at their borders.
 const BLOCK: i64 = 256;
@@ -30,9 +30,9 @@ const VERTEX_BYTES: u64 = 24;
 /// Bytes a pixel of a block where lines are not parallel: its line in the block, its ray's cell, its line on the surface.
 const LINE_BYTES: u64 = 24 + 8 + 16 + 12 + 24;
 
-/// Bytes a pixel of a block and a photo that may see it: listed pixel, sorted point, its cell; bytes a face and a vertex
-/// there.
-const VIEW_BYTES: u64 = 3 + 20 + 8;
+/// Bytes a pixel of a block and a photo that may see it: listed pixel, sorted point, its cell, distance to the border;
+/// bytes a face and a vertex there.
+const VIEW_BYTES: u64 = 3 + 20 + 8 + 2;
 const FACE_VIEW_BYTES: u64 = 16;
 const VERTEX_VIEW_BYTES: u64 = 24;
 
@@ -43,6 +43,7 @@ pub(super) struct View {
     pub(super) photo: usize,
     pub(super) points: BlockPoints,
     pub(super) cells: PointCells,
+    pub(super) edges: EdgeMap,
     pub(super) tile: ViewTile,
 }
 
@@ -50,6 +51,7 @@ pub(super) struct View {
 #[derive(Debug)]
 pub struct Renderer<'a> {
     scene: &'a Scene,
+    canvas: &'a Canvas,
     block_bytes: u64,
     surface: SurfaceBuilder,
     partition: PartitionBuffer,
@@ -64,10 +66,11 @@ pub struct Renderer<'a> {
 }
 
 impl<'a> Renderer<'a> {
-    /// A renderer of `scene` that keeps its own memory within about `block_bytes`.
-    pub fn new(scene: &'a Scene, block_bytes: u64) -> Self {
+    /// A renderer of `scene` on `canvas` that keeps its own memory within about `block_bytes`.
+    pub fn new(scene: &'a Scene, canvas: &'a Canvas, block_bytes: u64) -> Self {
         Self {
             scene,
+            canvas,
             block_bytes,
             surface: SurfaceBuilder::default(),
             partition: PartitionBuffer::default(),
@@ -77,7 +80,7 @@ impl<'a> Renderer<'a> {
             rays: RayPoints::default(),
             occlusion: OcclusionScratch::default(),
             views: Vec::new(),
-            colouring: Colouring::new(scene),
+            colouring: Colouring::new(scene, canvas),
             above: Above::default(),
         }
     }
@@ -96,7 +99,7 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// Those of reading the stores.
     pub fn section_tiles(&mut self, rect: PixelRect) -> Result<Vec<OrthoTile>> {
-        let mut tiles = vec![OrthoTile::new(rect, &self.scene.blend); self.scene.sections()];
+        let mut tiles = vec![OrthoTile::new(rect, &self.scene.blend); self.canvas.sections()];
         for block in rect.blocks(BLOCK) {
             self.block(block, &mut tiles)?;
         }
@@ -106,10 +109,12 @@ impl<'a> Renderer<'a> {
 
     /// Memory held, bytes: it never shrinks, so this is its peak.
     pub fn memory_bytes(&self) -> u64 {
-        let views = self
-            .views
-            .iter()
-            .map(|v| v.points.memory_bytes() + v.cells.memory_bytes() + v.tile.memory_bytes());
+        let views = self.views.iter().map(|v| {
+            v.points.memory_bytes()
+                + v.cells.memory_bytes()
+                + v.tile.memory_bytes()
+                + v.edges.memory_bytes()
+        });
         self.surface.memory_bytes()
             + self.partition.memory_bytes() as u64
             + self.rays.memory_bytes()
@@ -124,7 +129,7 @@ impl<'a> Renderer<'a> {
 
     /// What was found since the last call, one a section, from the lowest.
     pub fn take_statistics(&mut self) -> Vec<Statistics> {
-        self.colouring.findings.take(self.scene)
+        self.colouring.findings.take(self.scene, self.canvas)
     }
 
     /// Renders a block of all sections, or its quarters where it would need more memory than there is. No section needs
@@ -136,7 +141,7 @@ impl<'a> Renderer<'a> {
             return Ok(());
         }
         let side = (rect.x1 - rect.x0).max(rect.y1 - rect.y0);
-        if self.forecast_bytes(rect) > self.block_bytes && side > LEAST_BLOCK {
+        if self.forecast_bytes() > self.block_bytes && side > LEAST_BLOCK {
             // Sub-blocks stay whole where they can, so that quarters do not make windows smaller than they need be.
             let half = ((side / 2) + 15) / 16 * 16;
             return rect
@@ -144,10 +149,11 @@ impl<'a> Renderer<'a> {
                 .try_for_each(|quarter| self.block(quarter, tiles));
         }
         self.load_surface(highest)?;
-        self.surface.finish(&self.scene.mosaic);
-        self.colour(highest, &mut tiles[highest])?;
+        self.surface.finish(&self.canvas.mosaic);
+        let around = if highest > 0 { greatest_around(self.surface.tile()) } else { Vec::new() };
+        self.colour(highest, &around, None, &mut tiles[highest])?;
         if highest > 0 && !self.surface.tile().is_empty() {
-            self.above.start(self.surface.tile());
+            self.above.start(rect, &around);
             for section in (0..highest).rev() {
                 let (below, above) = tiles.split_at_mut(section + 1);
                 self.lower_section(section, &mut below[section], &above[0])?;
@@ -164,49 +170,62 @@ impl<'a> Renderer<'a> {
         tile: &mut OrthoTile,
         above: &OrthoTile,
     ) -> Result<()> {
-        let mosaic = self.scene.section(section);
+        let mosaic = self.canvas.section(section);
         let [_, greatest] = mosaic.slab();
         tile.copy_pixels(above, self.above.rect(), |k| !self.above.is_open(k, greatest));
         let Some(open) = self.above.open_bounds(greatest) else { return Ok(()) };
         self.find_column(open, section);
         self.load_surface(section)?;
-        let above = &self.above;
-        self.surface.retain(|k| above.is_open(above.pixel(open, k), greatest));
-        self.surface.finish(mosaic);
-        if !self.surface.tile().is_empty() {
-            self.colour(section, tile)?;
+        let is_open = self.above.open_pixels(open, greatest);
+        if self.scene.halo() == 0 {
+            self.surface.retain(|k| is_open[k]);
         }
-        self.above.enter(self.surface.tile(), greatest);
+        self.surface.finish(mosaic);
+        let around = greatest_around(self.surface.tile());
+        if !self.surface.tile().is_empty() {
+            self.colour(section, &around, Some(&is_open), tile)?;
+        }
+        self.above.enter(open, &around, greatest);
         Ok(())
     }
 
-    /// Stages 2 to 5 of a block of a section, whose surface is known.
-    fn colour(&mut self, section: usize, tile: &mut OrthoTile) -> Result<()> {
+    /// Stages 2 to 5 of a block of a section, whose surface is known; of the inner pixels only those that are open, if that
+    /// is said.
+    fn colour(
+        &mut self,
+        section: usize,
+        around: &[f64],
+        is_open: Option<&[bool]>,
+        tile: &mut OrthoTile,
+    ) -> Result<()> {
         let views = self.visibility()?;
         let (surface, views) = (self.surface.tile(), &mut self.views[..views]);
-        self.colouring.block((self.scene, section), surface, views, tile)
+        let to =
+            Section { scene: self.scene, canvas: self.canvas, number: section, is_open, around };
+        self.colouring.block(&to, surface, views, tile)
     }
 
-    /// Starts the surface of `rect` in a section, and finds the partitions that it may show.
+    /// Starts the surface of `rect`, and of the halo that its colours need, in a section, and finds the partitions that it
+    /// may show.
     fn find_column(&mut self, rect: PixelRect, section: usize) {
-        let mosaic = self.scene.section(section);
+        let mosaic = self.canvas.section(section);
         self.column.clear();
-        self.surface.start(mosaic, rect);
+        self.surface.start(mosaic, HaloRect::around(rect, self.scene.halo()));
         let block = self.surface.block();
         self.scene.mesh.query(|bounds| block.may_show(mosaic, bounds), &mut self.column);
         self.column.sort_unstable();
     }
 
     /// Memory for a block of which every pixel is seen by every photo that may see its partitions.
-    fn forecast_bytes(&self, rect: PixelRect) -> u64 {
+    fn forecast_bytes(&self) -> u64 {
         let mesh = &self.scene.mesh;
         let bounds =
             self.column.iter().fold(Bounds3::EMPTY, |all, &p| all.union(mesh.partition_bounds(p)));
-        let bounds = self.surface.block().shown_bounds(&self.scene.mosaic, &bounds);
+        let bounds = self.surface.block().shown_bounds(&self.canvas.mosaic, &bounds);
         let views = self.scene.photos.iter().filter(|p| p.view.may_see(&bounds)).count();
-        let (area, views) = (rect.area() as u64, views as u64);
+        let (area, views) = (self.surface.tile().rect.area() as u64, views as u64);
         let samples = area.min(SUB_BLOCK_AREA) * SampleTile::BYTES_A_SAMPLE as u64;
-        let lines = if self.scene.mosaic.is_parallel() { 0 } else { LINE_BYTES };
+        let lines = if self.canvas.mosaic.is_parallel() { 0 } else { LINE_BYTES };
         // A pixel shows one face at most. Of faces smaller than pixels, no two that show need share a vertex.
         let column: u64 = self.column.iter().map(|&p| mesh.partition_triangles(p) as u64).sum();
         let (faces, vertices) = (column.min(area), column.min(3 * area));
@@ -220,7 +239,7 @@ impl<'a> Renderer<'a> {
 
     /// Stage 1: which face each pixel shows; the surface is still to be finished.
     fn load_surface(&mut self, section: usize) -> Result<()> {
-        let mosaic = self.scene.section(section);
+        let mosaic = self.canvas.section(section);
         for &id in &self.column {
             self.scene.mesh.load(id, &mut self.partition)?;
             self.surface.add(mosaic, &self.partition.block());
@@ -248,7 +267,7 @@ impl<'a> Renderer<'a> {
                 let View { photo, points, cells, .. } = &mut self.views[k as usize];
                 let photo = &self.scene.photos[*photo].view;
                 let sight =
-                    Sight { photo, surface: self.surface.tile(), tolerance: self.scene.tolerance };
+                    Sight { photo, surface: self.surface.tile(), tolerance: self.canvas.tolerance };
                 cells.occlude(&sight, &block, points, &mut self.occlusion);
             }
         }
@@ -269,11 +288,11 @@ impl<'a> Renderer<'a> {
             }
             let view = &mut self.views[count];
             view.photo = photo;
-            let sight = Sight { photo: &p.view, surface, tolerance: self.scene.tolerance };
+            let sight = Sight { photo: &p.view, surface, tolerance: self.canvas.tolerance };
             view.points.start(&sight, &mut self.rays);
             if !view.points.is_empty() {
                 view.cells.start(&sight, &mut self.rays);
-                view.tile.start_block(surface);
+                view.tile.start_block(surface, self.scene.blend.weights == Weights::Sharp);
                 count += 1;
             }
         }

@@ -12,7 +12,7 @@ use glam::DVec3;
 
 use super::{SurfaceFace, SurfaceTile};
 use crate::frame::{AroundAxis, Block, LocalMosaic, LocalPlane, PixelRay};
-use crate::geom::{FaceBlock, FaceId, PixelRect, held_bytes};
+use crate::geom::{FaceBlock, FaceId, HaloRect, PixelRect, held_bytes};
 use crate::raster::{Triangle, scan};
 
 /// Builds one tile after another, reusing its memory.
@@ -26,11 +26,12 @@ pub struct SurfaceBuilder {
 }
 
 impl SurfaceBuilder {
-    /// Starts the tile `rect`: no pixel has a surface.
-    pub fn start(&mut self, mosaic: &LocalMosaic, rect: PixelRect) {
+    /// Starts the tile of a rectangle, perhaps with pixels around it: no pixel has a surface.
+    pub fn start(&mut self, mosaic: &LocalMosaic, area: impl Into<HaloRect>) {
+        let HaloRect { inner, outer: rect } = area.into();
         self.block.set(mosaic, rect);
         let tile = &mut self.tile;
-        tile.rect = rect;
+        (tile.rect, tile.inner) = (rect, inner);
         tile.elevations.clear();
         tile.elevations.resize(rect.area(), f64::NAN);
         tile.faces_at.clear();

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::geom::{Coordinates, FaceId, PixelRect};
+use crate::geom::{Coordinates, FaceId, HaloRect, PixelRect};
 
 /// A triangle that at least one pixel of a tile shows.
 #[derive(Debug, Clone, Copy)]
@@ -20,6 +20,8 @@ pub struct SurfaceFace {
 pub struct SurfaceTile {
     /// The rectangle, mosaic pixels.
     pub rect: PixelRect,
+    /// The part of it that is to be coloured; what lies around it tells where photos begin and end to see the surface.
+    pub inner: PixelRect,
     /// Elevation above the frame's plane or cylinder, or depth in a perspective view, metres; NaN where there is no
     /// surface.
     pub elevations: Vec<f64>,
@@ -51,6 +53,28 @@ impl SurfaceTile {
             Self::NO_FACE => None,
             f => Some(&self.faces[f as usize]),
         }
+    }
+
+    /// The pixel of the tile at a column and row of the mosaic.
+    ///
+    /// # Panics
+    /// If it may not be in the tile.
+    #[inline]
+    pub fn pixel_at(&self, x: i64, y: i64) -> usize {
+        let inside = |v: i64| usize::try_from(v).expect("inside the tile");
+        inside(y - self.rect.y0) * self.rect.width() + inside(x - self.rect.x0)
+    }
+
+    /// The pixel of the tile that is pixel `k`, row-major, of `part`, which lies in it.
+    #[inline]
+    pub fn pixel_in(&self, part: PixelRect, k: usize) -> usize {
+        let (row, column) = (k / part.width(), k % part.width());
+        self.pixel_at(part.x0, part.y0) + row * self.rect.width() + column
+    }
+
+    /// The rectangle with the part that is to be coloured.
+    pub fn halo(&self) -> HaloRect {
+        HaloRect { inner: self.inner, outer: self.rect }
     }
 
     /// The three corners of a face, local frame.

@@ -17,6 +17,7 @@
 
 mod candidates;
 mod cells;
+mod edges;
 mod face_test;
 mod photo;
 mod points;
@@ -24,6 +25,7 @@ mod sight;
 mod view;
 
 pub use cells::{OcclusionScratch, PointCells};
+pub use edges::EdgeMap;
 pub use photo::ViewPhoto;
 pub use points::{BlockPoints, RayPoints, SUB_BLOCK};
 pub use sight::{Sight, Tolerance};

@@ -157,7 +157,7 @@ impl BlockPoints {
         }));
         let mut origin = None;
         self.photo_bounds = None;
-        for sub in surface.rect.blocks(SUB_BLOCK) {
+        for sub in surface.halo().blocks(SUB_BLOCK) {
             self.starts.push(self.count());
             self.subs.push(sub);
             for y in sub.y0..sub.y1 {
@@ -179,7 +179,7 @@ impl BlockPoints {
         rays: &mut RayPoints,
     ) {
         let surface = sight.surface;
-        let (first, count) = (pixel_at(surface, sub.x0, y), sub.width());
+        let (first, count) = (surface.pixel_at(sub.x0, y), sub.width());
         let photo = sight.photo;
         self.batch.sight(photo, surface.points.range(first..first + count));
         photo.lens.photos_from_rays(&mut self.batch.rays, count);
@@ -242,21 +242,14 @@ impl BlockPoints {
         let sub = self.starts.partition_point(|&start| start as usize <= index) - 1;
         let place = usize::from(self.places[index]);
         let sub = self.subs[sub];
-        pixel_at(surface, sub.x0, sub.y0) + place / SIDE * surface.rect.width() + place % SIDE
+        surface.pixel_at(sub.x0, sub.y0) + place / SIDE * surface.rect.width() + place % SIDE
     }
 
-    /// The places in sub-block `k` (in the order of [`PixelRect::blocks`](crate::geom::PixelRect::blocks)) that the
+    /// The places in sub-block `k` (in the order of [`HaloRect::blocks`](crate::geom::HaloRect::blocks)) that the
     /// photo sees, row × [`SUB_BLOCK`] + column, ascending.
     pub fn seen_in(&self, k: usize) -> impl Iterator<Item = u16> + '_ {
         let range = self.starts[k] as usize..self.starts[k + 1] as usize;
         let seen = &self.seen[range.clone()];
         self.places[range].iter().zip(seen).filter(|(_, seen)| **seen).map(|(&place, _)| place)
     }
-}
-
-/// The pixel of the surface tile at a mosaic pixel of it.
-fn pixel_at(surface: &SurfaceTile, x: i64, y: i64) -> usize {
-    let rect = surface.rect;
-    let inside = |v: i64| usize::try_from(v).expect("inside the tile");
-    inside(y - rect.y0) * rect.width() + inside(x - rect.x0)
 }

@@ -44,6 +44,10 @@ pub struct ViewTile {
     pub footprints_squared: Vec<f64>,
     /// The face's area in photo pixels.
     pub weights: Vec<f64>,
+    /// Square of the cosine of the angle between the photo's ray and the mosaic's line through the point; empty unless
+    /// they are asked for.
+    pub slants: Vec<f32>,
+    has_slants: bool,
     faces: Vec<FaceView>,
     projections: Vec<Projection>,
     batch: Batch,
@@ -56,6 +60,7 @@ impl ViewTile {
             + held_bytes(&self.positions)
             + held_bytes(&self.footprints_squared)
             + held_bytes(&self.weights)
+            + held_bytes(&self.slants)
             + held_bytes(&self.faces)
             + held_bytes(&self.projections)
     }
@@ -79,10 +84,14 @@ impl ViewTile {
         keep(&mut self.positions, is_kept);
         keep(&mut self.footprints_squared, is_kept);
         keep(&mut self.weights, is_kept);
+        if self.has_slants {
+            keep(&mut self.slants, is_kept);
+        }
     }
 
-    /// Starts a block: no face is known.
-    pub fn start_block(&mut self, surface: &SurfaceTile) {
+    /// Starts a block: no face is known. Whether slants are asked for.
+    pub fn start_block(&mut self, surface: &SurfaceTile, has_slants: bool) {
+        self.has_slants = has_slants;
         self.faces.clear();
         let unknown = FaceView { area: UNKNOWN, pixel_spread: 0.0 };
         self.faces.resize(surface.faces.len(), unknown);
@@ -107,9 +116,9 @@ impl ViewTile {
         self.positions.clear();
         self.footprints_squared.clear();
         self.weights.clear();
-        let inside = |v: i64| usize::try_from(v).expect("a sub-block lies in its block");
+        self.slants.clear();
         let stride = surface.rect.width();
-        let first = inside(sub.y0 - surface.rect.y0) * stride + inside(sub.x0 - surface.rect.x0);
+        let first = surface.pixel_at(sub.x0, sub.y0);
         let side = usize::try_from(SUB_BLOCK).expect("positive");
         let (mut at, mut in_sub) = ([0_usize; RAYS], [0_u32; RAYS]);
         let mut places = places;
@@ -132,7 +141,30 @@ impl ViewTile {
             photo.lens.photos_from_rays_jacobian(&mut self.batch.rays, count);
             self.pixels.extend_from_slice(&in_sub[..count]);
             self.push(surface, mosaic, photo, &at[..count]);
+            if self.has_slants {
+                self.push_slants(surface, mosaic, photo, &at[..count]);
+            }
         }
+    }
+
+    /// Enters the slants of the points of the batch, which are the pixels `at` of the surface tile.
+    #[expect(clippy::cast_possible_truncation, reason = "a weight is made of it")]
+    fn push_slants(
+        &mut self,
+        surface: &SurfaceTile,
+        mosaic: &LocalMosaic,
+        photo: &ViewPhoto,
+        at: &[usize],
+    ) {
+        let turn = photo.pose.rotation;
+        let parallel = mosaic.is_parallel().then(|| turn * mosaic.towards_viewer(DVec3::ZERO));
+        let rays = &self.batch.rays;
+        self.slants.extend(at.iter().zip(rays.x).zip(rays.y).map(|((&pixel, x), y)| {
+            let line = parallel.unwrap_or_else(|| turn * surface.lines.at(pixel));
+            let along = line.x * x + line.y * y + line.z;
+            let slant = along * along / ((x * x + y * y + 1.0) * line.length_squared());
+            slant as f32
+        }));
     }
 
     /// Enters the first points of the batch, which are the pixels `at` of the surface tile.

@@ -20,8 +20,9 @@ fn pin_holes(round: impl Fn(DVec3, DVec3, DVec3) -> DVec3) -> (usize, usize) {
     let folder = tempfile::tempdir().unwrap();
     let cameras = test.photos().unwrap();
     job::write_files(&test, folder.path());
-    let scene: Scene = job::open(&test, folder.path(), &cameras);
-    let mosaic: &LocalMosaic = &scene.mosaic;
+    let scene: Scene = job::open(folder.path(), &cameras);
+    let canvas = job::canvas(&test, &scene);
+    let mosaic: &LocalMosaic = &canvas.mosaic;
     let mut surface = SurfaceBuilder::default();
     surface.start(mosaic, test.plane.size().rect());
     let mut partitions: Vec<PartitionId> = Vec::new();

@@ -8,7 +8,7 @@ use groundel::camera::{CameraSet, LensModel, Photo, PhotoId};
 use groundel::frame::{CentralView, Cylinder, Facing, Mosaic, Orientation};
 use groundel::geom::Size;
 use groundel::image::Samples;
-use groundel::render::{OrthoTile, Renderer, Tolerance};
+use groundel::render::{Canvas, OrthoTile, Renderer, Tolerance};
 use groundel::synthetic::scenes;
 use groundel::synthetic::{CameraSpec, Placement, Sampling, Shot, TestScene};
 
@@ -123,10 +123,10 @@ fn render(test: &TestScene, mosaic: &Mosaic, tolerance: Tolerance) -> OrthoTile 
     let folder = tempfile::tempdir().unwrap();
     test.write(folder.path(), Sampling::Box(2), &[]).unwrap();
     let cameras: CameraSet = test.photos().unwrap();
-    let mut scene = job::open(test, folder.path(), &cameras);
-    scene.mosaic = mosaic.local(scene.mesh.origin());
-    scene.tolerance = tolerance;
-    Renderer::new(&scene, BLOCK_BYTES).tile(mosaic.size.rect()).unwrap()
+    let scene = job::open(folder.path(), &cameras);
+    let mosaic_local = mosaic.local(scene.mesh.origin());
+    let canvas = Canvas { mosaic: mosaic_local, below: Vec::new(), tolerance };
+    Renderer::new(&scene, &canvas, BLOCK_BYTES).tile(mosaic.size.rect()).unwrap()
 }
 
 /// How a tile differs from the truth.

@@ -5,7 +5,7 @@ use std::path::Path;
 use groundel::camera::CameraSet;
 use groundel::image::{Colour, Depth};
 use groundel::input::open_mesh;
-use groundel::render::{BlendSettings, Interpolation, Scene, ScenePhoto, Tolerance};
+use groundel::render::{BlendSettings, Canvas, Interpolation, Scene, ScenePhoto, Tolerance};
 use groundel::store::mesh::MeshBuild;
 use groundel::store::photo::{
     Demand, PhotoSource, PhotoStore, Preparation, Reading, prepare_photos,
@@ -23,17 +23,12 @@ pub(super) fn write_files(test: &TestScene, folder: &Path) {
 }
 
 /// The scene in `folder`, ready to be rendered, seen by `cameras`.
-pub(super) fn open(test: &TestScene, folder: &Path, cameras: &CameraSet) -> Scene {
-    open_reading(test, folder, cameras, Reading::Auto)
+pub(super) fn open(folder: &Path, cameras: &CameraSet) -> Scene {
+    open_reading(folder, cameras, Reading::Auto)
 }
 
 /// Like [`open`], its photos read in one way.
-pub(super) fn open_reading(
-    test: &TestScene,
-    folder: &Path,
-    cameras: &CameraSet,
-    reading: Reading,
-) -> Scene {
+pub(super) fn open_reading(folder: &Path, cameras: &CameraSet, reading: Reading) -> Scene {
     let mesh = open_mesh(&folder.join("mesh.ply")).unwrap();
     let build = MeshBuild {
         work: folder.join("work"),
@@ -62,8 +57,6 @@ pub(super) fn open_reading(
     let origin = mesh.origin();
     let photos = cameras.photos.iter().zip(0..);
     Scene {
-        mosaic: test.mosaic().unwrap().local(origin),
-        below: Vec::new(),
         photos: photos.map(|(p, k)| ScenePhoto::new(k, p, origin, 1.0)).collect(),
         mesh,
         pixels: PhotoStore::new(entries, 16 << 20).unwrap(),
@@ -75,6 +68,14 @@ pub(super) fn open_reading(
             ..BlendSettings::default()
         },
         names: cameras.names.len(),
+    }
+}
+
+/// The test's own mosaic as a canvas for a scene.
+pub(super) fn canvas(test: &TestScene, scene: &Scene) -> Canvas {
+    Canvas {
+        mosaic: test.mosaic().unwrap().local(scene.mesh.origin()),
+        below: Vec::new(),
         tolerance: Tolerance::Fixed(tolerance_m(test)),
     }
 }

@@ -6,7 +6,7 @@ use groundel::camera::{CameraSet, Lens, Photo};
 use groundel::frame::MosaicFrame;
 use groundel::geom::FaceId;
 use groundel::image::{Image, Samples};
-use groundel::render::{OrthoTile, Renderer, Scene, Tolerance};
+use groundel::render::{Canvas, OrthoTile, Renderer, Scene, Tolerance};
 use groundel::store::photo::Reading;
 use groundel::synthetic::scenes;
 use groundel::synthetic::{Likeness, Oracle, Sight, TestScene, likeness};
@@ -30,10 +30,11 @@ impl Rendered {
         Self { cameras: test.photos().unwrap(), folder }
     }
 
-    fn tile(&self, test: &TestScene, change: impl FnOnce(&mut Scene)) -> OrthoTile {
-        let mut scene = job::open(test, self.folder.path(), &self.cameras);
-        change(&mut scene);
-        Renderer::new(&scene, BLOCK_BYTES).tile(test.plane.size().rect()).unwrap()
+    fn tile(&self, test: &TestScene, change: impl FnOnce(&mut Scene, &mut Canvas)) -> OrthoTile {
+        let mut scene = job::open(self.folder.path(), &self.cameras);
+        let mut canvas = job::canvas(test, &scene);
+        change(&mut scene, &mut canvas);
+        Renderer::new(&scene, &canvas, BLOCK_BYTES).tile(test.plane.size().rect()).unwrap()
     }
 }
 
@@ -107,7 +108,7 @@ fn colours(test: &TestScene, oracle: &Oracle, tile: &OrthoTile) -> Likeness {
 fn surfaces_and_visibility_agree_with_brute_force_in_every_scene() {
     for test in scenes::all() {
         let (oracle, files) = (test.oracle(SLACK_M), Rendered::files(&test));
-        let tile = files.tile(&test, |_| {});
+        let tile = files.tile(&test, |_, _| {});
         let found = judge(&test, &oracle, &files.cameras, &tile);
         assert!(found.pixels > 500, "{}: {found:?}", test.name);
         assert_eq!(found.wrong_surfaces, 0, "{}: {found:?}", test.name);
@@ -120,7 +121,7 @@ fn surfaces_and_visibility_agree_with_brute_force_in_every_scene() {
 fn colours_are_those_of_the_texture_and_lie_where_they_should() {
     for test in [scenes::columns(), scenes::oblique(), scenes::radial()] {
         let (oracle, files) = (test.oracle(SLACK_M), Rendered::files(&test));
-        let found = colours(&test, &oracle, &files.tile(&test, |_| {}));
+        let found = colours(&test, &oracle, &files.tile(&test, |_, _| {}));
         assert!(found.psnr_db > 25.0 && found.ssim > 0.85, "{}: {found:?}", test.name);
         let shift = found.shift.unwrap();
         assert!(shift.x.hypot(shift.y) < 0.05, "{}: {found:?}", test.name);
@@ -131,7 +132,7 @@ fn colours_are_those_of_the_texture_and_lie_where_they_should() {
 fn a_view_without_occlusion_is_found_out() {
     let test = scenes::columns();
     let (oracle, files) = (test.oracle(SLACK_M), Rendered::files(&test));
-    let tile = files.tile(&test, |scene| scene.tolerance = Tolerance::Fixed(1e9));
+    let tile = files.tile(&test, |_, canvas| canvas.tolerance = Tolerance::Fixed(1e9));
     let found = judge(&test, &oracle, &files.cameras, &tile);
     assert!(found.wrong_decisions * 100 > found.decisions, "{found:?}");
 }
@@ -140,14 +141,14 @@ fn a_view_without_occlusion_is_found_out() {
 fn a_mosaic_upside_down_is_found_out() {
     let test = scenes::columns();
     let (oracle, files) = (test.oracle(SLACK_M), Rendered::files(&test));
-    let tile = files.tile(&test, |scene| {
+    let tile = files.tile(&test, |scene, canvas| {
         let mut mosaic = test.mosaic().unwrap();
         // The rows run along +v, the grid stays where it is.
         let [_, low, _, high] = mosaic.extent;
         let MosaicFrame::Plane(plane) = &mut mosaic.frame else { unreachable!("a plane") };
         (plane.v, plane.u) = (-plane.v, -plane.u);
         plane.origin -= plane.v * (low + high);
-        scene.mosaic = mosaic.local(scene.mesh.origin());
+        canvas.mosaic = mosaic.local(scene.mesh.origin());
     });
     let found = judge(&test, &oracle, &files.cameras, &tile);
     assert!(found.wrong_surfaces * 10 > found.pixels, "{found:?}");
@@ -160,7 +161,7 @@ fn shift_with(lens: impl Fn(&Photo) -> Lens) -> (f64, f64) {
     for photo in &mut files.cameras.photos {
         photo.lens = lens(photo);
     }
-    let found = colours(&test, &oracle, &files.tile(&test, |_| {}));
+    let found = colours(&test, &oracle, &files.tile(&test, |_, _| {}));
     (found.shift.map_or(9.0, |s| s.x.hypot(s.y)), found.psnr_db)
 }
 
@@ -190,8 +191,9 @@ fn a_tile_is_the_same_however_photos_are_read() {
     }
     let rendered = Rendered::files(&test);
     let tile = |reading| {
-        let scene = job::open_reading(&test, rendered.folder.path(), &rendered.cameras, reading);
-        Renderer::new(&scene, BLOCK_BYTES).tile(test.plane.size().rect()).unwrap()
+        let scene = job::open_reading(rendered.folder.path(), &rendered.cameras, reading);
+        let canvas = job::canvas(&test, &scene);
+        Renderer::new(&scene, &canvas, BLOCK_BYTES).tile(test.plane.size().rect()).unwrap()
     };
     let [memory, index, tiles] = [Reading::Memory, Reading::Index, Reading::Tiles].map(tile);
     assert!(format!("{memory:?}") == format!("{index:?}"), "by an index");

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::super::ortho::{Job, Shelf, Stores, scene, tile_demand};
+use super::super::ortho::{Job, Shelf, Stores, canvas, scene, tile_demand};
 use super::folder::JobFolder;
 use super::record::{FileRecord, JobRecord, PhotoRecord};
 use super::stamp::Stamp;
@@ -74,9 +74,9 @@ pub(in crate::cli) fn open(
     let pixels = shelf.pixels(entries)?;
     let photos = wanted.into_iter().map(|photo| photo.photo).collect();
     let stores = Stores { mesh, pixels, masks, photos, left_out: Vec::new() };
-    let scene =
-        scene(&record.section_mosaics(&mosaic), &record.rendering, stores, record.names.len())?;
-    Ok((Job { folder: folder.clone(), record, mosaic, scene }, budget))
+    let canvas = canvas(&record.section_mosaics(&mosaic), &record.rendering, stores.mesh.origin());
+    let scene = scene(&record.rendering, stores, record.names.len())?;
+    Ok((Job { folder: folder.clone(), record, mosaic, canvas, scene }, budget))
 }
 
 /// The mesh store of a job, in the folder `work` of its stores.

@@ -47,7 +47,8 @@ impl BatchRun<'_> {
         let left = sum(&mut self.tiles.iter().copied()) - sum(&mut done.iter().copied());
         let count = (self.tiles.len() - done.len()) as u64;
         let progress = Progress::start("rendering", "tiles", count, self.quiet).weighted(left);
-        let renderer = SceneTiles::new(&self.job.scene, manifest, self.budget.block_bytes);
+        let renderer =
+            SceneTiles::new(&self.job.scene, &self.job.canvas, manifest, self.budget.block_bytes);
         let (part, held) = (claim.part(), Some(claim.file()));
         let area = |tile| manifest.tile_rect(tile).area();
         let count = LIGHT_PER_THREAD * rayon::current_num_threads();

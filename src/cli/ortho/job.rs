@@ -24,7 +24,7 @@ use crate::frame::{Mosaic, MosaicFrame, frame_toml};
 use crate::geom::Bounds3;
 use crate::image::{Colour, Depth};
 use crate::output::{Georeference, IccProfile, Layer, Meaning, TileFormat, parse_crs};
-use crate::render::{self, Scene, ScenePhoto};
+use crate::render::{self, Canvas, Scene, ScenePhoto};
 use crate::store::photo::PhotoStore;
 use crate::{Error, Result};
 
@@ -37,6 +37,7 @@ pub(in crate::cli) struct Job {
     pub(in crate::cli) folder: JobFolder,
     pub(in crate::cli) record: JobRecord,
     pub(in crate::cli) mosaic: Mosaic,
+    pub(in crate::cli) canvas: Canvas,
     pub(in crate::cli) scene: Scene,
 }
 
@@ -103,29 +104,32 @@ impl Job {
             settings: config.described(),
             warnings,
         };
-        let scene = scene(&sections, &rendering, stores, inputs.cameras.names.len())?;
-        Ok(Self { folder, record, mosaic, scene })
+        let canvas = canvas(&sections, &rendering, stores.mesh.origin());
+        let scene = scene(&rendering, stores, inputs.cameras.names.len())?;
+        Ok(Self { folder, record, mosaic, canvas, scene })
     }
 }
 
-/// The scene of a mosaic, or of the sections of one, from the lowest.
+/// The canvas of a mosaic, or of the sections of one, from the lowest.
 ///
 /// # Panics
 /// If there is none.
-pub(in crate::cli) fn scene(
-    sections: &[Mosaic],
-    rendering: &Rendering,
-    stores: Stores,
-    names: usize,
-) -> Result<Scene> {
+pub(in crate::cli) fn canvas(sections: &[Mosaic], rendering: &Rendering, origin: DVec3) -> Canvas {
+    let (highest, below) = sections.split_last().expect("at least one section");
+    Canvas {
+        mosaic: highest.local(origin),
+        below: below.iter().map(|section| section.local(origin)).collect(),
+        tolerance: rendering.tolerance,
+    }
+}
+
+/// What is photographed, and the rule by which it is coloured.
+pub(in crate::cli) fn scene(rendering: &Rendering, stores: Stores, names: usize) -> Result<Scene> {
     let Stores { mesh, pixels, masks, photos, .. } = stores;
     let origin = mesh.origin();
     let depth = rendering.blend.depth;
     let photos = photos.iter().map(|p| scene_photo(p, origin, &pixels, depth));
-    let (highest, below) = sections.split_last().expect("at least one section");
     Ok(Scene {
-        mosaic: highest.local(origin),
-        below: below.iter().map(|section| section.local(origin)).collect(),
         photos: photos.collect::<Result<_>>()?,
         mesh,
         pixels,
@@ -133,7 +137,6 @@ pub(in crate::cli) fn scene(
         interpolation: rendering.interpolation,
         blend: rendering.blend,
         names,
-        tolerance: rendering.tolerance,
     })
 }
 
@@ -146,6 +149,7 @@ fn rendering(
         outliers: choices::outliers(config.outliers),
         beta: config.beta,
         weights: choices::weights(config.weights),
+        edges: render::Edges::None,
         blend: choices::blend(config.blend),
         colour,
         depth,

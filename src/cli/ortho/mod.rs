@@ -22,7 +22,7 @@ mod stores;
 
 pub(super) use grid::of_view as mosaic_of_view;
 pub(super) use inputs::Inputs;
-pub(super) use job::{Job, Place, scene};
+pub(super) use job::{Job, Place, canvas, scene};
 pub(super) use planning::{Planned, budget, plan, tile_demand};
 pub(super) use points::add_tin;
 pub(super) use reporting::{Outcome, found};
