@@ -42,9 +42,10 @@
 //! | [`surface`] | what the projection sees: elevation and face per mosaic pixel | geom image frame raster |
 //! | [`visibility`] | where one photo sees that surface | geom image camera frame raster surface |
 //! | [`sample`] | colour of the visible pixels from one photo window | geom image visibility |
+//! | [`tone`] | exposure, white balance and vignetting of photos: model, robust solution, application | geom |
 //! | [`blend`] | many samples → one pixel: outliers, weights | geom image sample |
 //! | [`output`] | tiled BigTIFF/GeoTIFF/COG, overviews, frame sidecars; knows no rendering | geom image frame |
-//! | [`render`] | joins the stages for one tile; threads, caches, memory budget | geom image camera frame store plan surface visibility sample blend |
+//! | [`render`] | joins the stages for one tile; threads, caches, memory budget | geom image camera frame store plan surface visibility sample tone blend |
 //! | [`batch`] | manifest, parts, resume and assembly of tile batches | geom image store plan render output |
 //! | [`report`] | what a run found, as JSON and as a short text | geom image plan |
 //! | [`cli`] | `Args` (as typed) → `Config` (as built) → command; the only module that prints | all but the stages |
@@ -87,6 +88,7 @@ pub mod sample;
 pub mod store;
 pub mod surface;
 pub mod synthetic;
+pub mod tone;
 pub mod visibility;
 
 pub use error::{Error, Result};

@@ -25,9 +25,10 @@ const TABLE: &[(&str, &str)] = &[
     ("surface", "geom image frame raster"),
     ("visibility", "geom image camera frame raster surface"),
     ("sample", "geom image visibility"),
+    ("tone", "geom"),
     ("blend", "geom image sample"),
     ("output", "geom image frame"),
-    ("render", "geom image camera frame store plan surface visibility sample blend"),
+    ("render", "geom image camera frame store plan surface visibility sample tone blend"),
     ("batch", "geom image store plan render output"),
     ("report", "geom image plan"),
     ("cli", ALL_BUT_THE_STAGES),
@@ -35,8 +36,18 @@ const TABLE: &[(&str, &str)] = &[
 const ALL_BUT_THE_STAGES: &str = "all but the stages";
 const STAGES: &[&str] = &["surface", "visibility", "sample", "blend"];
 /// Functions of values: no I/O, threads, clock or environment.
-const PURE: &[&str] =
-    &["geom", "image", "camera", "frame", "raster", "surface", "visibility", "sample", "blend"];
+const PURE: &[&str] = &[
+    "geom",
+    "image",
+    "camera",
+    "frame",
+    "raster",
+    "surface",
+    "visibility",
+    "sample",
+    "tone",
+    "blend",
+];
 const IMPURE_STD: &[&str] = &["fs", "io", "net", "env", "process", "thread", "time"];
 const IMPURE_CRATES: &[&str] = &["rayon", "crossbeam", "memmap2", "tempfile", "indicatif"];
 /// Files of `src/` that are no module folder.

@@ -23,9 +23,11 @@ pub(super) struct Scratch {
     pub(super) is_kept: Strip,
     /// The sample's weight; what it is where there is no sample means nothing.
     pub(super) weight: Strip,
-    /// Of soft weights.
+    /// Of soft weights: the quality as a part of the pixel's best, what the sample's vote counts, and how far it is
+    /// from the centre.
     pub(super) ratio: [f32; STRIP],
     pub(super) vote: [f32; STRIP],
+    pub(super) far: [f32; STRIP],
     /// Counts, whole numbers: of samples, of those kept, of those compared, of their distances in 1/256.
     pub(super) seen: Strip,
     pub(super) used: Strip,
@@ -41,6 +43,7 @@ impl Scratch {
         weight: [0.0; STRIP],
         ratio: [0.0; STRIP],
         vote: [0.0; STRIP],
+        far: [0.0; STRIP],
         seen: [0.0; STRIP],
         used: [0.0; STRIP],
         compared: [0.0; STRIP],

@@ -5,39 +5,69 @@ use crate::{Error, Result};
 
 /// How a sample is found to be an outlier.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    Default,
+    serde::Serialize,
+    serde::Deserialize,
+    clap::ValueEnum,
 )]
 pub enum Outliers {
     /// No sample is dropped.
     None,
+    /// A sample too many standard deviations from the mean is dropped.
+    ///
     /// When a pixel has more than two samples: μ is their unweighted mean, dᵢ the Euclidean distance of sample i to μ
     /// over the channels, σ² the mean of dᵢ²; sample i is dropped if dᵢ > β·σ·(1 + 1e-6). All are kept if
     /// σ < 0.5/255 of the range. Should none be left (β < 1), the nearest to μ stays, of equals the lowest id.
     #[default]
     Sigma,
-    /// No sample is dropped at once: each weighs the less the farther it is from where most samples agree, see
-    /// [`blend_into`](super::blend_into).
+    /// Each sample weighs the less the farther it is from where most samples agree.
     Robust,
 }
 
 /// What a sample weighs.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    Default,
+    serde::Serialize,
+    serde::Deserialize,
+    clap::ValueEnum,
 )]
 pub enum Weights {
-    /// The weight that came with it: the area of the pixel's face in the photo, photo pixels.
+    /// The area of the pixel's face in the photo, photo pixels.
     #[default]
     Area,
     /// As much as any other.
     Equal,
-    /// By the fourth power of how well the photo resolves the surface: photo pixels that the mosaic pixel covers, times
-    /// cos⁴ of the angle between the photo's ray and the mosaic's line of sight.
+    /// By how well the photo resolves the surface, to the fourth power.
+    ///
+    /// That is by the photo pixels that the mosaic pixel covers, times cos⁴ of the angle between the photo's ray and the
+    /// mosaic's line of sight.
     Sharp,
 }
 
 /// What a sample weighs near the border of what its photo sees.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    Default,
+    serde::Serialize,
+    serde::Deserialize,
+    clap::ValueEnum,
 )]
 pub enum Edges {
     /// As much as elsewhere.
@@ -49,7 +79,16 @@ pub enum Edges {
 
 /// What becomes of the samples that are kept.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    Default,
+    serde::Serialize,
+    serde::Deserialize,
+    clap::ValueEnum,
 )]
 pub enum Blend {
     /// Their weighted mean; the plain mean if all weights are zero.

@@ -7,7 +7,9 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use super::job_args::{AssembleArgs, PlanArgs, RenderArgs};
-use super::settings::{BlendRule, Cad, Interpolation, Outliers, View, Weights};
+use super::settings::{
+    BlendRule, Cad, ColourRule, Edges, Interpolation, Levelling, Outliers, View, Weights,
+};
 use super::values;
 use crate::input::{AngleUnit, CameraFormat, CameraOptions, Shift, TableLens};
 use crate::output::{Compression, Meaning, PrintResolution};
@@ -277,16 +279,28 @@ pub struct OrthoArgs {
     #[arg(long, help_heading = "Frame")]
     pub force: bool,
 
+    /// Preset of the settings below: even, or paper (Grammatikopoulos et al. 2004) [default: even]
+    #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
+    pub colour: Option<ColourRule>,
+    /// Photos brought to one tone: gains, or also vignetting and a gentle field [default: full; paper: none]
+    #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
+    pub levelling: Option<Levelling>,
+    /// Photos whose tone the levelled mosaic keeps, repeatable [default: the mean of all]
+    #[arg(long, value_name = "GLOB", help_heading = "Colour", value_parser = pattern!())]
+    pub tone_from: Vec<String>,
+    /// Weights that fade towards the border of what a photo sees [default: guard; paper: none]
+    #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
+    pub edges: Option<Edges>,
     /// How photos are sampled [default: bicubic]
     #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
     pub interpolation: Option<Interpolation>,
-    /// Rejection of outlying colours where more than two photos see a pixel [default: sigma]
+    /// Outlying colours where more than two photos see a pixel [default: robust; paper: sigma]
     #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
     pub outliers: Option<Outliers>,
-    /// Colours farther than B standard deviations from the mean are rejected [default: 1.0]
+    /// Colours farther than B standard deviations from the mean are rejected by sigma [default: 1.0]
     #[arg(long, value_name = "B", help_heading = "Colour", value_parser = values::not_negative)]
     pub beta: Option<f64>,
-    /// Weight of a photo: area of the face in photo pixels, or all alike [default: area]
+    /// Weight of a photo: area of the face in photo pixels, all alike, or the sharpest [default: sharp; paper: area]
     #[arg(long, help_heading = "Colour", value_name = "NAME", value_enum)]
     pub weights: Option<Weights>,
     /// Weighted mean of the photos, or the heaviest photo alone [default: mean]

@@ -14,7 +14,7 @@ use super::job::{self, JobFolder};
 use super::print_size;
 use super::project;
 use super::sections;
-use super::settings::{BlendRule, Interpolation, Outliers, Weights};
+use super::settings::{BlendRule, ColourRule, Edges, Interpolation, Levelling, Outliers, Weights};
 use super::sidecars;
 use super::values::LEAST_MEMORY_BYTES;
 use crate::frame::FrameSpec;
@@ -57,6 +57,12 @@ pub struct Config {
     pub sections: Vec<f64>,
     /// Allow a mosaic of more than 10 times the photos' pixels.
     pub force: bool,
+    /// How photos are brought to one tone.
+    pub levelling: Levelling,
+    /// Patterns of the photos whose tone counts; empty: all.
+    pub tone_from: Vec<String>,
+    /// What a sample weighs near the border of what its photo sees.
+    pub edges: Edges,
     /// How photos are sampled.
     pub interpolation: Interpolation,
     /// Rejection of outlying colours.
@@ -134,6 +140,7 @@ impl Config {
             Some(Shift::OfOdm(_)) => Some(DVec3::from(shift)),
             _ => None,
         };
+        let preset = Preset::of(args.colour.unwrap_or_default());
         let camera_options = args.camera.options(args.photos.clone(), args.force);
         Ok(Self {
             cameras,
@@ -148,10 +155,13 @@ impl Config {
             choice: PhotoChoice { include: args.include, exclude: args.exclude },
             masks: args.masks,
             force: args.force,
+            levelling: args.levelling.unwrap_or(preset.levelling),
+            tone_from: args.tone_from,
+            edges: args.edges.unwrap_or(preset.edges),
             interpolation: args.interpolation.unwrap_or_default(),
-            outliers: args.outliers.unwrap_or_default(),
+            outliers: args.outliers.unwrap_or(preset.outliers),
             beta: args.beta.unwrap_or(1.0),
-            weights: args.weights.unwrap_or_default(),
+            weights: args.weights.unwrap_or(preset.weights),
             blend: args.blend.unwrap_or_default(),
             occlusion_tolerance_m: args.occlusion_tolerance,
             undefined: args.undefined.unwrap_or_default(),
@@ -203,6 +213,9 @@ impl Config {
             ("include", json!(self.choice.include)),
             ("exclude", json!(self.choice.exclude)),
             ("masks", json!(self.masks.as_ref().map(|path| path.display().to_string()))),
+            ("levelling", json!(word(&self.levelling))),
+            ("tone_from", json!(self.tone_from)),
+            ("edges", json!(word(&self.edges))),
             ("interpolation", json!(word(&self.interpolation))),
             ("outliers", json!(word(&self.outliers))),
             ("beta", json!(self.beta)),
@@ -219,6 +232,33 @@ impl Config {
         let sections = (!self.sections.is_empty()).then(|| ("sections", json!(self.sections)));
         let all = settings.into_iter().chain(sections);
         all.map(|(key, value)| (key.to_string(), value)).collect()
+    }
+}
+
+/// What a rule sets unless it is said otherwise.
+struct Preset {
+    levelling: Levelling,
+    edges: Edges,
+    outliers: Outliers,
+    weights: Weights,
+}
+
+impl Preset {
+    fn of(rule: ColourRule) -> Self {
+        match rule {
+            ColourRule::Even => Self {
+                levelling: Levelling::Full,
+                edges: Edges::Guard,
+                outliers: Outliers::Robust,
+                weights: Weights::Sharp,
+            },
+            ColourRule::Paper => Self {
+                levelling: Levelling::None,
+                edges: Edges::None,
+                outliers: Outliers::Sigma,
+                weights: Weights::Area,
+            },
+        }
     }
 }
 
@@ -278,11 +318,16 @@ mod tests {
     }
 
     #[test]
-    fn defaults_are_those_of_the_paper() {
+    fn a_rule_sets_what_is_not_said_and_the_default_is_even() {
         let config = Config::build(args()).unwrap();
         assert_eq!(config.interpolation, Interpolation::Bicubic);
-        assert_eq!((config.outliers, config.beta), (Outliers::Sigma, 1.0));
-        assert_eq!((config.weights, config.blend), (Weights::Area, BlendRule::Mean));
+        assert_eq!((config.levelling, config.edges), (Levelling::Full, Edges::Guard));
+        assert_eq!((config.outliers, config.weights), (Outliers::Robust, Weights::Sharp));
+        let paper = OrthoArgs { colour: Some(ColourRule::Paper), ..args() };
+        let paper = Config::build(OrthoArgs { levelling: Some(Levelling::Gain), ..paper }).unwrap();
+        assert_eq!((paper.levelling, paper.edges), (Levelling::Gain, Edges::None));
+        assert_eq!((paper.outliers, paper.beta), (Outliers::Sigma, 1.0));
+        assert_eq!((paper.weights, paper.blend), (Weights::Area, BlendRule::Mean));
         assert_eq!((config.undefined, config.tile_size), ([0, 0, 0], 512));
         assert_eq!(config.compression, Compression::Deflate);
         assert_eq!(config.work, Path::new("out/.groundel"));

@@ -35,4 +35,6 @@ pub use job_args::{AssembleArgs, PlanArgs, RenderArgs};
 pub use ortho::ExitStatus;
 pub use progress::Progress;
 pub use run::run;
-pub use settings::{BlendRule, Cad, Interpolation, Outliers, View, Weights};
+pub use settings::{
+    BlendRule, Cad, ColourRule, Edges, Interpolation, Levelling, Outliers, View, Weights,
+};

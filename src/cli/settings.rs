@@ -2,6 +2,9 @@
 
 use clap::ValueEnum;
 
+pub use crate::render::{Blend as BlendRule, Edges, Interpolation, Outliers, Weights};
+pub use crate::tone::Levelling;
+
 /// A frame without a frame file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum View {
@@ -11,46 +14,14 @@ pub enum View {
     Fit,
 }
 
-/// How photos are sampled.
+/// Which rule colours the mosaic: a preset of the single settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Interpolation {
-    /// The nearest pixel.
-    Nearest,
-    /// Between four pixels.
-    Bilinear,
-    /// Cubic convolution over sixteen pixels.
+pub enum ColourRule {
+    /// Levelled photos, soft robust weights that fade at edges, detail of the sharpest.
     #[default]
-    Bicubic,
-}
-
-/// Rejection of outlying colours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Outliers {
-    /// All colours are kept.
-    None,
-    /// Colours too many standard deviations from the mean are rejected.
-    #[default]
-    Sigma,
-}
-
-/// Weight of a photo in the mean.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum Weights {
-    /// Area of the face in photo pixels.
-    #[default]
-    Area,
-    /// All alike.
-    Equal,
-}
-
-/// How many colours become one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum BlendRule {
-    /// Weighted mean of the kept photos.
-    #[default]
-    Mean,
-    /// The heaviest kept photo alone.
-    Best,
+    Even,
+    /// Grammatikopoulos et al. (2004): outliers by σ, mean by the faces' areas.
+    Paper,
 }
 
 /// A drawing beside the mosaic.

@@ -64,13 +64,21 @@ pub struct Project {
     pub exclude: Vec<String>,
     /// Folder of the masks.
     pub masks: Option<PathBuf>,
+    /// `even` or `paper`.
+    pub colour: Option<String>,
+    /// `none`, `gain` or `full`.
+    pub levelling: Option<String>,
+    /// Patterns of the photos whose tone counts.
+    pub tone_from: Vec<String>,
+    /// `guard` or `none`.
+    pub edges: Option<String>,
     /// `nearest`, `bilinear` or `bicubic`.
     pub interpolation: Option<String>,
-    /// `none` or `sigma`.
+    /// `none`, `sigma` or `robust`.
     pub outliers: Option<String>,
     /// β of the outlier test.
     pub beta: Option<f64>,
-    /// `area` or `equal`.
+    /// `area`, `equal` or `sharp`.
     pub weights: Option<String>,
     /// `mean` or `best`.
     pub blend: Option<String>,
@@ -138,6 +146,11 @@ struct ProjectTable {
     #[serde(default)]
     exclude: Vec<String>,
     masks: Option<PathBuf>,
+    colour: Option<String>,
+    levelling: Option<String>,
+    #[serde(default)]
+    tone_from: Vec<String>,
+    edges: Option<String>,
     interpolation: Option<String>,
     outliers: Option<String>,
     beta: Option<f64>,
@@ -211,6 +224,10 @@ impl ProjectTable {
             include: self.include,
             exclude: self.exclude,
             masks: at(self.masks),
+            colour: self.colour,
+            levelling: self.levelling,
+            tone_from: self.tone_from,
+            edges: self.edges,
             interpolation: self.interpolation,
             outliers: self.outliers,
             beta: self.beta,
@@ -271,6 +288,10 @@ sections = [-1, 2, 0.5]
 include = ["west/*"]
 exclude = ["*_blur.jpg", "x"]
 masks = "masks"
+colour = "paper"
+levelling = "gain"
+tone_from = ["card.jpg"]
+edges = "guard"
 interpolation = "bilinear"
 outliers = "none"
 beta = 1.5
@@ -330,6 +351,10 @@ v_axis = [0, 0, 1]
             include: vec!["west/*".into()],
             exclude: vec!["*_blur.jpg".into(), "x".into()],
             masks: at("masks"),
+            colour: some("paper"),
+            levelling: some("gain"),
+            tone_from: vec!["card.jpg".into()],
+            edges: some("guard"),
             interpolation: some("bilinear"),
             outliers: some("none"),
             beta: Some(1.5),

@@ -43,7 +43,14 @@ pub(super) struct Section<'a> {
 
 /// How colours are compared: bilinear, two levels above that of the pixel's footprint. There a colour is a mean over
 /// some four mosaic pixels square, and half a pixel between photos makes little of a difference.
-const COARSE: (Interpolation, u32) = (Interpolation::Bilinear, 2);
+pub(super) const COARSE: (Interpolation, u32) = (Interpolation::Bilinear, 2);
+
+impl<'a> Section<'a> {
+    /// The highest section, all its pixels.
+    pub(super) fn highest(scene: &'a Scene, canvas: &'a Canvas) -> Self {
+        Self { scene, canvas, number: canvas.sections() - 1, is_open: None, around: &[] }
+    }
+}
 
 /// Colours one block after another, reusing its memory.
 #[derive(Debug)]
@@ -120,7 +127,7 @@ impl Colouring {
     }
 
     /// How far from the border of what a view sees its pixels lie.
-    fn find_edges(
+    pub(super) fn find_edges(
         &mut self,
         to: &Section<'_>,
         surface: &SurfaceTile,
@@ -145,7 +152,7 @@ impl Colouring {
     }
 
     /// Stage 2 for the pixels of a sub-block: what a view sees of them, if they are to be coloured.
-    fn take_view(
+    pub(super) fn take_view(
         &mut self,
         to: &Section<'_>,
         surface: &SurfaceTile,
@@ -181,6 +188,13 @@ impl Colouring {
         if is_robust {
             self.coarse.sample(scene, number, points, COARSE)?;
         }
+        if let Some(tone) = &photo.tone {
+            let range = scene.range_of(number);
+            tone.apply(&points.positions, &mut self.sampler.colours, range);
+            if is_robust {
+                tone.apply(&points.positions, &mut self.coarse.colours, range);
+            }
+        }
         self.fading.weigh(scene, photo, sub, view);
         let Fading { quality, guards, fades, .. } = &self.fading;
         let weights = self.fading.weights(view);
@@ -206,7 +220,7 @@ fn pixels_around(bounds: &Bounds2) -> PixelRect {
 
 /// Samples the points of one view after another, reusing its memory.
 #[derive(Debug)]
-struct Sampler {
+pub(super) struct Sampler {
     interpolation: Interpolation,
     window: Window,
     levels: Vec<u32>,
@@ -248,8 +262,13 @@ impl Sampler {
             + held_bytes(&self.colours)
     }
 
+    /// The colours of the points that were sampled last, in the photo's range.
+    pub(super) fn colours(&self) -> &[[f32; 3]] {
+        &self.colours
+    }
+
     /// Samples every point of `view` from photo `k` of the store, each so many levels above that of its own footprint.
-    fn sample(
+    pub(super) fn sample(
         &mut self,
         scene: &Scene,
         k: usize,

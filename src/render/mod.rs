@@ -12,11 +12,13 @@ mod budget;
 mod colour;
 mod fading;
 mod masking;
+mod observe;
 mod scene;
 mod sections;
 mod tile;
 
 pub use budget::{Budget, TileDemand};
+pub use observe::{Observed, observed_blocks};
 pub use scene::{Canvas, Scene, ScenePhoto};
 pub use tile::Renderer;
 

@@ -8,6 +8,7 @@ use crate::frame::LocalMosaic;
 use crate::sample::Interpolation;
 use crate::store::mesh::MeshStore;
 use crate::store::photo::PhotoStore;
+use crate::tone::ToneGrid;
 use crate::visibility::{EdgeMap, Tolerance, ViewPhoto};
 
 /// A photo of the job.
@@ -19,13 +20,16 @@ pub struct ScenePhoto {
     pub view: ViewPhoto,
     /// What its samples are multiplied by to reach the mosaic's range: 257 for an 8-bit photo of a 16-bit mosaic.
     pub gain: f32,
+    /// What its samples are multiplied by so that they agree with those of other photos; `None`: they are taken as they
+    /// are.
+    pub tone: Option<ToneGrid>,
 }
 
 impl ScenePhoto {
     /// A photo of a job whose mesh store has its local frame's origin at `origin_ground`.
     pub fn new(index: u16, photo: &Photo, origin_ground: DVec3, gain: f32) -> Self {
         let view = ViewPhoto::new(photo.lens, photo.pose.relative_to(origin_ground));
-        Self { index, view, gain }
+        Self { index, view, gain, tone: None }
     }
 }
 
@@ -63,6 +67,11 @@ pub struct Canvas {
 }
 
 impl Scene {
+    /// The greatest value that a photo can hold, by its number.
+    pub(super) fn range_of(&self, photo: usize) -> f32 {
+        if self.pixels.bits(photo) > 8 { f32::from(u16::MAX) } else { f32::from(u8::MAX) }
+    }
+
     /// Pixels around a block that must be known for its colours.
     pub(super) fn halo(&self) -> i64 {
         if self.blend.edges == blend::Edges::Guard { EdgeMap::REACH } else { 0 }

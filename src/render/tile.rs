@@ -1,7 +1,7 @@
 //! [`Renderer::tile`]: the data path of one rectangle of the mosaic.
 
 use crate::Result;
-use crate::blend::{OrthoTile, SampleTile, Statistics, Weights};
+use crate::blend::{OrthoTile, Outliers, SampleTile, Statistics, Weights};
 use crate::geom::{Bounds3, HaloRect, PixelRect, held_bytes};
 use crate::store::mesh::{PartitionBuffer, PartitionId};
 use crate::surface::{SurfaceBuilder, SurfaceTile};
@@ -9,7 +9,7 @@ use crate::visibility::{
     BlockPoints, EdgeMap, OcclusionScratch, PointCells, RayPoints, SUB_BLOCK, Sight, ViewTile,
 };
 
-use super::colour::{Colouring, Section};
+use super::colour::{Colouring, Sampler, Section};
 use super::sections::{Above, greatest_around};
 use super::{Canvas, Scene};
 
@@ -50,7 +50,7 @@ pub(super) struct View {
 /// Renders one rectangle after another, reusing its memory: one for each thread.
 #[derive(Debug)]
 pub struct Renderer<'a> {
-    scene: &'a Scene,
+    pub(super) scene: &'a Scene,
     canvas: &'a Canvas,
     block_bytes: u64,
     surface: SurfaceBuilder,
@@ -60,8 +60,10 @@ pub struct Renderer<'a> {
     visits: Vec<(PartitionId, u32)>,
     rays: RayPoints,
     occlusion: OcclusionScratch,
-    views: Vec<View>,
+    pub(super) views: Vec<View>,
     colouring: Colouring,
+    /// Samples of points that are observed.
+    pub(super) observer: Sampler,
     above: Above,
 }
 
@@ -82,6 +84,7 @@ impl<'a> Renderer<'a> {
             views: Vec::new(),
             colouring: Colouring::new(scene, canvas),
             above: Above::default(),
+            observer: Sampler::default(),
         }
     }
 
@@ -208,12 +211,37 @@ impl<'a> Renderer<'a> {
     /// Starts the surface of `rect`, and of the halo that its colours need, in a section, and finds the partitions that it
     /// may show.
     fn find_column(&mut self, rect: PixelRect, section: usize) {
+        self.find_column_of(HaloRect::around(rect, self.scene.halo()), section);
+    }
+
+    fn find_column_of(&mut self, area: HaloRect, section: usize) {
         let mosaic = self.canvas.section(section);
         self.column.clear();
-        self.surface.start(mosaic, HaloRect::around(rect, self.scene.halo()));
+        self.surface.start(mosaic, area);
         let block = self.surface.block();
         self.scene.mesh.query(|bounds| block.may_show(mosaic, bounds), &mut self.column);
         self.column.sort_unstable();
+    }
+
+    /// Stages 1 and 2 of a rectangle of the highest section: the number of views.
+    pub(super) fn look(&mut self, area: HaloRect) -> Result<usize> {
+        let highest = self.canvas.sections() - 1;
+        self.find_column_of(area, highest);
+        self.load_surface(highest)?;
+        self.surface.finish(&self.canvas.mosaic);
+        self.visibility()
+    }
+
+    /// How far from the border of what view `k` sees the pixels lie, of what [`Self::look`] looked at.
+    pub(super) fn find_edges(&mut self, k: usize) -> Result<()> {
+        let to = Section::highest(self.scene, self.canvas);
+        self.colouring.find_edges(&to, self.surface.tile(), &mut self.views[k])
+    }
+
+    /// What view `k` sees of the rectangle that [`Self::look`] looked at, one sub-block.
+    pub(super) fn take_view(&mut self, k: usize, rect: PixelRect) -> Result<()> {
+        let to = Section::highest(self.scene, self.canvas);
+        self.colouring.take_view(&to, self.surface.tile(), (0, rect), &mut self.views[k])
     }
 
     /// Memory for a block of which every pixel is seen by every photo that may see its partitions.
@@ -224,7 +252,11 @@ impl<'a> Renderer<'a> {
         let bounds = self.surface.block().shown_bounds(&self.canvas.mosaic, &bounds);
         let views = self.scene.photos.iter().filter(|p| p.view.may_see(&bounds)).count();
         let (area, views) = (self.surface.tile().rect.area() as u64, views as u64);
-        let samples = area.min(SUB_BLOCK_AREA) * SampleTile::BYTES_A_SAMPLE as u64;
+        let sample_bytes = match self.scene.blend.outliers {
+            Outliers::Robust => SampleTile::BYTES_A_SOFT_SAMPLE,
+            Outliers::None | Outliers::Sigma => SampleTile::BYTES_A_SAMPLE,
+        };
+        let samples = area.min(SUB_BLOCK_AREA) * sample_bytes as u64;
         let lines = if self.canvas.mosaic.is_parallel() { 0 } else { LINE_BYTES };
         // A pixel shows one face at most. Of faces smaller than pixels, no two that show need share a vertex.
         let column: u64 = self.column.iter().map(|&p| mesh.partition_triangles(p) as u64).sum();

@@ -16,5 +16,5 @@ pub use document::{
     PhotoPixels, Report, Run, SectionReport, TinInput,
 };
 pub use memory::{peak_resident_bytes, physical_bytes, resident_bytes};
-pub use photos::{PhotoReport, PhotoTally, suspicious};
+pub use photos::{PhotoLevelling, PhotoReport, PhotoTally, suspicious};
 pub use stages::{Stage, StageLog};

@@ -47,6 +47,26 @@ pub struct PhotoReport {
     pub mean_residual: Option<f64>,
     /// The same as a share of the output's range.
     pub mean_residual_share: Option<f64>,
+    /// How it was levelled; left out if it was not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub levelling: Option<PhotoLevelling>,
+}
+
+/// How a photo was brought to the tone of the others.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PhotoLevelling {
+    /// What its red, green and blue are multiplied by, vignetting and field not counted.
+    pub gain: [f64; 3],
+    /// Logarithm of its camera's vignetting by ρ² and ρ⁴, ρ = 1 at the frame's corners.
+    pub vignetting: [f64; 2],
+    /// Surface points at which it was compared with others.
+    pub points: u64,
+    /// Median difference to the mean of all photos there, natural logarithm, as photographed.
+    pub residual_before: f64,
+    /// The same, levelled.
+    pub residual_after: f64,
+    /// Id of the lowest photo of those with which it was levelled.
+    pub group: u32,
 }
 
 impl PhotoReport {
@@ -62,6 +82,7 @@ impl PhotoReport {
             pixels_rejected: tally.rejected,
             mean_residual: mean,
             mean_residual_share: mean.map(|residual| residual / range),
+            levelling: None,
         }
     }
 }

@@ -6,7 +6,16 @@ use crate::geom::{Kernel, LANES, PixelRect, run_widest};
 
 /// How a colour between pixel centres is made.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    Default,
+    serde::Serialize,
+    serde::Deserialize,
+    clap::ValueEnum,
 )]
 pub enum Interpolation {
     /// The pixel that holds the position: 1 × 1 taps.

@@ -26,7 +26,7 @@ pub(super) use files::{Files, check_name, check_writable, frame_file, layer_file
 pub(super) use folder::JobFolder;
 pub(super) use plan::run as plan;
 pub(super) use record::{
-    FileRecord, JobRecord, MeshRecord, PhotoRecord, Rendering, section_mosaics,
+    FileRecord, JobRecord, Levelled, MeshRecord, PhotoRecord, Rendering, section_mosaics,
 };
 pub(super) use render::run as render;
 pub(super) use stamp::{Stamp, Thoroughness};

@@ -72,10 +72,13 @@ pub(in crate::cli) fn open(
     let masks: Vec<_> = wanted.iter().filter_map(|photo| places.mask(photo)).collect();
     let masks = shelf.masks(&masks, &mesh)?;
     let pixels = shelf.pixels(entries)?;
+    let records = wanted.iter().map(|photo| photo.record);
+    let tones: Vec<_> =
+        records.map(|record| record.levelled.as_ref().map(|levelled| &levelled.tone)).collect();
     let photos = wanted.into_iter().map(|photo| photo.photo).collect();
     let stores = Stores { mesh, pixels, masks, photos, left_out: Vec::new() };
     let canvas = canvas(&record.section_mosaics(&mosaic), &record.rendering, stores.mesh.origin());
-    let scene = scene(&record.rendering, stores, record.names.len())?;
+    let scene = scene(&record.rendering, stores, &tones, record.names.len())?;
     Ok((Job { folder: folder.clone(), record, mosaic, canvas, scene }, budget))
 }
 

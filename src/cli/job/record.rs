@@ -15,6 +15,7 @@ use crate::frame::{CentralView, FrameSpec, FrameTable, Mosaic};
 use crate::output::write_atomically;
 use crate::render::{BlendSettings, Interpolation, Tolerance};
 use crate::report::Inputs;
+use crate::tone::{PhotoFit, PhotoTone};
 use crate::{Error, Result};
 
 /// No manifest is longer; most of it is photos.
@@ -104,6 +105,17 @@ pub(in crate::cli) struct PhotoRecord {
     pub(in crate::cli) stamp: Option<Stamp>,
     /// Its mask, in the folder of masks.
     pub(in crate::cli) mask: Option<FileRecord>,
+    /// Its tone; none if it is taken as it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(in crate::cli) levelled: Option<Levelled>,
+}
+
+/// The tone of a photo, and what it was found from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::cli) struct Levelled {
+    pub(in crate::cli) tone: PhotoTone,
+    pub(in crate::cli) fit: PhotoFit,
 }
 
 impl JobRecord {
@@ -150,6 +162,11 @@ impl JobRecord {
                 &expected,
                 format!("{:?}", ids().collect::<Vec<_>>()),
             ));
+        }
+        let unsound = |p: &&PhotoRecord| p.levelled.as_ref().is_some_and(|l| !l.tone.is_sound());
+        if let Some(photo) = record.photos.iter().find(unsound) {
+            let found = format!("{:?}", photo.levelled);
+            return Err(corrupt("key `levelled`", "a tone of small numbers", found));
         }
         let (sections, layers) = (record.sections.len(), record.manifest.sections());
         if layers != sections.max(1) || !record.sections.is_sorted_by(|a, b| a < b) {

@@ -9,11 +9,11 @@ use xxhash_rust::xxh3::xxh3_128;
 
 use super::super::config::Config;
 use super::super::job::{
-    CameraRecord, FileRecord, JobFolder, JobRecord, MeshRecord, PhotoRecord, Rendering, Stamp,
-    Thoroughness, section_mosaics,
+    CameraRecord, FileRecord, JobFolder, JobRecord, Levelled, MeshRecord, PhotoRecord, Rendering,
+    Stamp, Thoroughness, section_mosaics,
 };
-use super::choices;
 use super::inputs::Inputs;
+use super::levelling::{LevelledPhotos, levelled};
 use super::precision;
 use super::profile::CommonProfile;
 use super::reporting;
@@ -26,6 +26,7 @@ use crate::image::{Colour, Depth};
 use crate::output::{Georeference, IccProfile, Layer, Meaning, TileFormat, parse_crs};
 use crate::render::{self, Canvas, Scene, ScenePhoto};
 use crate::store::photo::PhotoStore;
+use crate::tone::{PhotoTone, ToneGrid};
 use crate::{Error, Result};
 
 /// ε of the occlusion test where `--occlusion-tolerance` does not say: this part of a mosaic pixel.
@@ -68,7 +69,10 @@ impl Job {
         let bounds_ground = Bounds3 { min: bounds.min + origin, max: bounds.max + origin };
         warnings.extend(inputs.doubts(config, &bounds_ground)?);
         let profile = common.profile.map(IccProfile::new);
-        let keys = Keys::of(&mosaic, &stores, &rendering);
+        let names = inputs.cameras.names.len();
+        let (stores, levelled) = levelled(config, &mosaic, &rendering, stores, names)?;
+        warnings.extend(levelled.warning.clone());
+        let keys = Keys::of(&mosaic, &stores, &rendering, &levelled);
         let sections = section_mosaics(&mosaic, &config.sections);
         let manifest = manifest(config, inputs, &sections, &rendering, (profile, keys.settings()))?;
         let folder = match place {
@@ -83,7 +87,7 @@ impl Job {
             Place::Own(_) => Thoroughness::Whole,
             Place::Work => Thoroughness::Sampled,
         };
-        let photos = photo_records(config, &stores, inputs, (&keys, thoroughness))?;
+        let photos = photo_records(config, (&stores, &levelled), inputs, (&keys, thoroughness))?;
         let record = JobRecord {
             version: JobRecord::VERSION,
             groundel: env!("CARGO_PKG_VERSION").into(),
@@ -105,7 +109,7 @@ impl Job {
             warnings,
         };
         let canvas = canvas(&sections, &rendering, stores.mesh.origin());
-        let scene = scene(&rendering, stores, inputs.cameras.names.len())?;
+        let scene = scene(&rendering, stores, &levelled.tones(), names)?;
         Ok(Self { folder, record, mosaic, canvas, scene })
     }
 }
@@ -124,11 +128,22 @@ pub(in crate::cli) fn canvas(sections: &[Mosaic], rendering: &Rendering, origin:
 }
 
 /// What is photographed, and the rule by which it is coloured.
-pub(in crate::cli) fn scene(rendering: &Rendering, stores: Stores, names: usize) -> Result<Scene> {
+///
+/// `tones` are those of the photos in the stores, in their order.
+pub(in crate::cli) fn scene(
+    rendering: &Rendering,
+    stores: Stores,
+    tones: &[Option<&PhotoTone>],
+    names: usize,
+) -> Result<Scene> {
     let Stores { mesh, pixels, masks, photos, .. } = stores;
     let origin = mesh.origin();
     let depth = rendering.blend.depth;
-    let photos = photos.iter().map(|p| scene_photo(p, origin, &pixels, depth));
+    let photos = photos.iter().zip(tones).map(|(photo, tone)| {
+        let of = scene_photo(photo, origin, &pixels, depth)?;
+        let tone = tone.map(|tone| ToneGrid::new(tone, photo.lens.size()));
+        Ok(ScenePhoto { tone, ..of })
+    });
     Ok(Scene {
         photos: photos.collect::<Result<_>>()?,
         mesh,
@@ -146,18 +161,21 @@ fn rendering(
     (colour, depth): (Colour, Depth),
 ) -> Result<Rendering> {
     let blend = render::BlendSettings {
-        outliers: choices::outliers(config.outliers),
+        outliers: config.outliers,
         beta: config.beta,
-        weights: choices::weights(config.weights),
-        edges: render::Edges::None,
-        blend: choices::blend(config.blend),
+        weights: config.weights,
+        edges: config.edges,
+        blend: config.blend,
         colour,
         depth,
         undefined: config.undefined,
     };
     blend.check()?;
-    let interpolation = choices::interpolation(config.interpolation);
-    Ok(Rendering { interpolation, blend, tolerance: tolerance(config, mosaic) })
+    Ok(Rendering {
+        interpolation: config.interpolation,
+        blend,
+        tolerance: tolerance(config, mosaic),
+    })
 }
 
 /// ε of the occlusion test.
@@ -204,23 +222,30 @@ fn view(mosaic: &Mosaic) -> Option<CameraRecord> {
 struct Keys {
     /// Of all but the photos.
     common: String,
-    /// Of each photo in the store: its file, camera and mask.
+    /// Of each photo in the store: its file, camera, mask and tone.
     photos: Vec<String>,
 }
 
 impl Keys {
     /// Debug forms of f64 read back to the same bits.
-    fn of(mosaic: &Mosaic, stores: &Stores, rendering: &Rendering) -> Self {
+    fn of(
+        mosaic: &Mosaic,
+        stores: &Stores,
+        rendering: &Rendering,
+        levelled: &LevelledPhotos,
+    ) -> Self {
         let version = env!("CARGO_PKG_VERSION");
         let (frame, mesh, view) = (frame_toml(mosaic), stores.mesh.key(), view(mosaic));
         let common = format!("{version}\n{frame}\n{view:?}\n{mesh:?}\n{rendering:?}\n");
-        let key = |photo: &Photo| {
+        let key = |(photo, tone): (&Photo, Option<&PhotoTone>)| {
             let number = photo.id.0 as usize;
             let masks = stores.masks.as_ref().filter(|masks| masks.has(number));
             let mask = masks.map(|masks| masks.fingerprint(number));
-            hash(&format!("{photo:?} {:?} {mask:?}", stores.pixels.fingerprint(number)))
+            let file = stores.pixels.fingerprint(number);
+            hash(&format!("{photo:?} {file:?} {mask:?} {tone:?}"))
         };
-        Self { common: hash(&common), photos: stores.photos.iter().map(key).collect() }
+        let photos = stores.photos.iter().zip(levelled.tones()).map(key).collect();
+        Self { common: hash(&common), photos }
     }
 
     /// Of all together.
@@ -253,12 +278,13 @@ fn mesh_record(folder: &JobFolder, inputs: &Inputs, stores: &Stores) -> Result<M
 
 fn photo_records(
     config: &Config,
-    stores: &Stores,
+    (stores, levelled): (&Stores, &LevelledPhotos),
     inputs: &Inputs,
     (keys, how): (&Keys, Thoroughness),
 ) -> Result<Vec<PhotoRecord>> {
-    let both: Vec<_> = stores.photos.iter().zip(&keys.photos).collect();
-    let record = |(photo, key): &(&Photo, &String)| -> Result<PhotoRecord> {
+    let keyed = stores.photos.iter().zip(&keys.photos);
+    let all: Vec<_> = keyed.zip(&levelled.photos).collect();
+    let record = |((photo, key), levelled): &((&Photo, &String), &Option<Levelled>)| {
         let is_needed = stores.pixels.fingerprint(photo.id.0 as usize).is_some();
         let stamp = || Stamp::of(&config.photos.join(&photo.name), how);
         let mask = inputs.masks.iter().find(|mask| mask.photo == photo.id.0 && is_needed);
@@ -275,9 +301,10 @@ fn photo_records(
             key: (*key).clone(),
             stamp: is_needed.then(stamp).transpose()?,
             mask: mask.transpose()?,
+            levelled: (*levelled).clone(),
         })
     };
-    both.par_iter().map(record).collect()
+    all.par_iter().map(record).collect()
 }
 
 fn manifest(

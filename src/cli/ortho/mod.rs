@@ -2,12 +2,12 @@
 //!
 //! What it plans is a job, which `super::job` renders and assembles; `groundel plan` stops there.
 
-mod choices;
 mod disk;
 mod forecast;
 mod grid;
 mod inputs;
 mod job;
+mod levelling;
 mod masks;
 mod outputs;
 mod planning;

@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 
 use super::super::config::Config;
 use super::super::console;
-use super::super::job::{Files, JobRecord};
+use super::super::job::{Files, JobRecord, Levelled};
 use super::inputs::Inputs;
 use super::stores::Stores;
 use crate::frame::{Mosaic, MosaicFrame};
 use crate::output::{Meaning, write_atomically};
 use crate::render::{OrthoTile, Statistics};
 use crate::report::{
-    CameraInput, Coverage, FrameSummary, Inputs as InputReport, MeshInput, OutputFile, PhotoReport,
-    PhotoTally, Report, Run, SectionReport,
+    CameraInput, Coverage, FrameSummary, Inputs as InputReport, MeshInput, OutputFile,
+    PhotoLevelling, PhotoReport, PhotoTally, Report, Run, SectionReport,
 };
 use crate::{Error, Result};
 
@@ -153,9 +153,22 @@ fn photos(record: &JobRecord, statistics: &Statistics) -> Vec<PhotoReport> {
             compared: found.compared,
             residual_256: found.residual_256,
         };
-        PhotoReport::new(photo.id, photo.name.clone(), &tally, range)
+        let levelling = photo.levelled.as_ref().map(|levelled| levelling(record, levelled));
+        PhotoReport { levelling, ..PhotoReport::new(photo.id, photo.name.clone(), &tally, range) }
     };
     record.photos.iter().map(report).collect()
+}
+
+fn levelling(record: &JobRecord, levelled: &Levelled) -> PhotoLevelling {
+    let Levelled { tone, fit } = levelled;
+    PhotoLevelling {
+        gain: tone.gain.map(|log| (-log).exp()),
+        vignetting: tone.vignetting,
+        points: fit.points as u64,
+        residual_before: fit.before,
+        residual_after: fit.after,
+        group: record.photos.get(fit.group).map_or(0, |photo| photo.id),
+    }
 }
 
 /// Pixels with a surface by the number of photos that see them, up to the last that occurs.
