@@ -32,7 +32,7 @@ use super::{Blend, Settings, Weights};
 type Soft = [f32; STRIP];
 
 /// Steps towards the geometric median: more move it by less than noise does.
-const STEPS: usize = 6;
+const STEPS: usize = 4;
 /// A distance of 0 counts as this one, of an 8-bit range: the median may fall on a sample.
 const LEAST_DISTANCE: f32 = 1.0 / 255.0;
 /// What is left of a vote at a border. Its square root counts.

@@ -190,9 +190,11 @@ impl Colouring {
         }
         if let Some(tone) = &photo.tone {
             let range = scene.range_of(number);
-            tone.apply(&points.positions, &mut self.sampler.colours, range);
+            let (fine, coarse) = (&mut self.sampler.colours[..], &mut self.coarse.colours[..]);
             if is_robust {
-                tone.apply(&points.positions, &mut self.coarse.colours, range);
+                tone.apply(&points.positions, [fine, coarse], range);
+            } else {
+                tone.apply(&points.positions, [fine], range);
             }
         }
         self.fading.weigh(scene, photo, sub, view);
@@ -277,17 +279,22 @@ impl Sampler {
     ) -> Result<()> {
         self.interpolation = interpolation;
         let levels = scene.pixels.levels(k);
-        let greatest = view.footprints_squared.iter().fold(0.0, |max: f64, &f| max.max(f));
-        if level_of(greatest, levels) + above == 0 {
-            return self.sample_finest(scene, k, &view.positions);
-        }
         let last = levels.saturating_sub(1);
-        self.levels.clear();
         let level = |&f: &f64| (level_of(f, levels) + above).min(last);
+        let ends = view.footprints_squared.iter().fold([f64::INFINITY, 0.0], |[low, high], &f| {
+            // What is not a number counts as 0, as it does for the level.
+            let f = f.max(0.0);
+            [f.min(low), f.max(high)]
+        });
+        let [least, greatest] = ends.map(|f| level(&f));
+        if least >= greatest {
+            return self.sample_level(scene, (k, greatest), &view.positions);
+        }
+        self.levels.clear();
         self.levels.extend(view.footprints_squared.iter().map(level));
         self.colours.clear();
         self.colours.resize(view.positions.len(), [0.0; 3]);
-        for level in 0..levels {
+        for level in least..=greatest {
             let mut chosen = std::mem::take(&mut self.chosen);
             chosen.clear();
             chosen
@@ -299,20 +306,25 @@ impl Sampler {
         Ok(())
     }
 
-    /// Samples all points at level 0.
-    fn sample_finest(&mut self, scene: &Scene, k: usize, positions: &[DVec2]) -> Result<()> {
+    /// Samples all points at one level.
+    fn sample_level(
+        &mut self,
+        scene: &Scene,
+        (k, level): (usize, u32),
+        positions: &[DVec2],
+    ) -> Result<()> {
         self.colours.clear();
         self.colours.resize(positions.len(), [0.0; 3]);
-        let rect = taps_of(self.interpolation, positions, 0);
-        if is_close(&rect, positions.len(), 0) {
-            scene.pixels.window_into(k, 0, rect, &mut self.window)?;
+        let rect = taps_of(self.interpolation, positions, level);
+        if is_close(&rect, positions.len(), level) {
+            scene.pixels.window_into(k, level, rect, &mut self.window)?;
             sample_into(&self.window, self.interpolation, positions, &mut self.colours);
             return Ok(());
         }
         let mut chosen = std::mem::take(&mut self.chosen);
         chosen.clear();
         chosen.extend((0_u32..).zip(positions).map(|(i, _)| i));
-        let done = self.sample_chosen(scene, (k, 0), positions, &mut chosen);
+        let done = self.sample_chosen(scene, (k, level), positions, &mut chosen);
         self.chosen = chosen;
         done
     }

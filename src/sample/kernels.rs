@@ -74,8 +74,12 @@ fn sample_typed<T: Copy>(
     match (interpolation, channels) {
         (Interpolation::Nearest, 1) => each(&grid, positions, out, nearest::<T, 1>),
         (Interpolation::Nearest, 3) => each(&grid, positions, out, nearest::<T, 3>),
-        (Interpolation::Bilinear, 1) => each(&grid, positions, out, bilinear::<T, 1, 2>),
-        (Interpolation::Bilinear, 3) => each(&grid, positions, out, bilinear::<T, 3, 6>),
+        (Interpolation::Bilinear, 1) => {
+            run_widest(Bilinear::<T, 1, 2> { grid: &grid, positions, out });
+        }
+        (Interpolation::Bilinear, 3) => {
+            run_widest(Bilinear::<T, 3, 6> { grid: &grid, positions, out });
+        }
         (Interpolation::Bicubic, 1) => {
             run_widest(Bicubic::<T, 1, 4> { grid: &grid, positions, out });
         }
@@ -109,12 +113,12 @@ struct Anchor {
 
 impl<'a, T> Grid<'a, T> {
     /// The first `N` samples of row `row` of the taps.
-    #[inline]
+    #[inline(always)]
     fn row<const N: usize>(&self, at: &Anchor, row: usize) -> &'a [T; N] {
         self.data[at.first + row * self.stride..].first_chunk().expect("taps were checked")
     }
 
-    #[inline]
+    #[inline(always)]
     fn anchor(&self, position: DVec2) -> Anchor {
         let grid = grid_of(position, self.scale, self.half);
         let (x, y) = (floor(grid.x), floor(grid.y));
@@ -152,15 +156,36 @@ where
 }
 
 /// `C` channels, `N` = 2 `C` samples a row of taps.
-#[inline]
-fn bilinear<T: Copy, const C: usize, const N: usize>(grid: &Grid<'_, T>, at: &Anchor) -> [f32; 3]
+struct Bilinear<'a, T, const C: usize, const N: usize> {
+    grid: &'a Grid<'a, T>,
+    positions: &'a [DVec2],
+    out: &'a mut [[f32; 3]],
+}
+
+impl<T: Copy, const C: usize, const N: usize> Kernel for Bilinear<'_, T, C, N>
 where
     f32: From<T>,
 {
-    let r0 = grid.row::<N>(at, 0).map(f32::from);
-    let r1 = grid.row::<N>(at, 1).map(f32::from);
-    let column: [f32; N] = std::array::from_fn(|k| r0[k] + at.fy * (r1[k] - r0[k]));
-    rgb(std::array::from_fn::<_, C, _>(|c| column[c] + at.fx * (column[C + c] - column[c])))
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { grid, positions, out } = self;
+        for (&position, out) in positions.iter().zip(out) {
+            let at = grid.anchor(position);
+            let (r0, r1) = (grid.row::<N>(&at, 0), grid.row::<N>(&at, 1));
+            let mut column = [0.0; N];
+            for k in 0..N {
+                let (above, below) = (f32::from(r0[k]), f32::from(r1[k]));
+                column[k] = above + at.fy * (below - above);
+            }
+            let mut colour = [0.0; C];
+            for c in 0..C {
+                colour[c] = column[c] + at.fx * (column[C + c] - column[c]);
+            }
+            *out = rgb(colour);
+        }
+    }
 }
 
 /// Positions of one round of [`Bicubic`]; what is known of them stays in the nearest cache.

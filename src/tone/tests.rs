@@ -75,7 +75,7 @@ fn gains_and_vignetting_of_known_answer_are_found_and_their_sign_is_right() {
     }
     let grid = ToneGrid::new(&known[0], Size::new(600, 400));
     let mut colours = [[100.0_f32; 3]];
-    grid.apply(&[DVec2::new(300.0, 200.0)], &mut colours, 255.0);
+    grid.apply(&[DVec2::new(300.0, 200.0)], [&mut colours], 255.0);
     let bright = known[0].at(DVec2::splat(0.5), 1.5)[0];
     assert!((f64::from(colours[0][0]) - 100.0 / bright.exp()).abs() < 0.1, "{colours:?}");
 }
@@ -140,7 +140,7 @@ fn a_clipped_highlight_stays_neutral() {
     let tone = PhotoTone { gain: [0.2, 0.0, -0.2], ..PhotoTone::default() };
     let grid = ToneGrid::new(&tone, Size::new(60, 40));
     let mut colours = [[255.0_f32; 3], [128.0; 3]];
-    grid.apply(&[DVec2::new(30.0, 20.0); 2], &mut colours, 255.0);
+    grid.apply(&[DVec2::new(30.0, 20.0); 2], [&mut colours], 255.0);
     let [white, grey] = colours;
     assert!((white[0] - white[1]).abs() < 1e-3 && (white[1] - white[2]).abs() < 1e-3, "{white:?}");
     assert!(grey[0] < 110.0 && grey[2] > 150.0, "{grey:?}");
