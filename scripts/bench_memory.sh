@@ -18,7 +18,7 @@ for k in $(seq "$runs"); do
   for cap in $caps; do
     rm -rf .groundel mosaic.*
     ${in_cgroup:+"$in_cgroup" "$(numfmt --from=iec-i --suffix=B "$cap" | tr -d B)"} \
-      "$groundel" ortho project.toml --quiet --memory "$cap" --report "memory.$cap.$k.json" 2>/dev/null
+      "$groundel" ortho project.toml --colour paper --quiet --memory "$cap" --report "memory.$cap.$k.json" 2>/dev/null
     sha256sum mosaic.tif >> sums
   done
 done

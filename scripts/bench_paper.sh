@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# The paper-sized job: 3 million faces, seven photos of 5 megapixels, a mosaic of 3720 × 2775 pixels, all defaults,
+# The paper-sized job: 3 million faces, seven photos of 5 megapixels, a mosaic of 3720 × 2775 pixels, by the paper's rule,
 # beside its floor: what reading its inputs and writing its output costs anyway (scripts/floor.py). In turn, several
 # times: the floor; the job from raw files with nothing cached; the job again on warm stores; the job from raw files
-# under --memory 512MiB.
+# under --memory 512MiB; and from raw files by the default rule of colour.
 #   scripts/bench_paper.sh [RUNS] [FOLDER]
 # Prints the median of each stage, of the peak resident memory and of the ratio to the floor of the same round.
 # Needs djpeg (Debian: libjpeg-turbo-progs).
@@ -22,7 +22,7 @@ cd "$folder"
 one() {
   local label=$1
   shift
-  "$groundel" ortho project.toml --quiet --threads 2 --report "report.$label.json" "$@"
+  "$groundel" ortho project.toml --colour "${rule:-paper}" --quiet --threads 2 --report "report.$label.json" "$@"
 }
 
 rm -rf report.*.json floor.*.json .groundel mosaic.*
@@ -34,6 +34,8 @@ for k in $(seq "$runs"); do
   one "warm.$k"
   rm -rf .groundel
   one "512MiB.$k" --memory 512MiB
+  rm -rf .groundel
+  rule=even one "even.$k"
 done
 grep -m1 'model name' /proc/cpuinfo | sed 's/.*: //'
 echo "$(nproc) processors; $(rustc --version)"
@@ -46,7 +48,7 @@ floors = load("floor.{}.json")
 median = lambda values: statistics.median(values)
 parts = ", ".join(f"{name} {median(f[name] for f in floors):.2f}" for name in ("mesh", "photos", "mosaic"))
 print(f"  floor: {median(f['all'] for f in floors):6.2f} s; {parts}; GDAL's file {floors[0]['bytes'] / 1e6:.1f} MB, ours {os.path.getsize('mosaic.tif') / 1e6:.1f} MB")
-for label in ("cold", "warm", "512MiB"):
+for label in ("cold", "warm", "512MiB", "even"):
     reports = [r["run"] for r in load(f"report.{label}.{{}}.json")]
     seconds = median(r["seconds"] for r in reports)
     ratio = median(r["seconds"] / f["all"] for r, f in zip(reports, floors))

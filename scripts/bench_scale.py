@@ -65,7 +65,7 @@ class Bench:
         if self.is_cold:
             os.sync()
             pathlib.Path("/proc/sys/vm/drop_caches").write_text("1")
-        command = [self.groundel, "ortho", inputs / "project.toml", "--memory", "1GiB", "--work", work]
+        command = [self.groundel, "ortho", inputs / "project.toml", "--colour", "paper", "--memory", "1GiB", "--work", work]
         command += ["--out", out / "mosaic.tif", "--report", report, *map(str, flags)]
         command += ["--threads", str(threads)] if threads else []
         print(f"{series} {parameter}: groundel {' '.join(str(c) for c in command[1:])}", flush=True)

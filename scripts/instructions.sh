@@ -17,7 +17,7 @@ trap 'rm -rf "$folder"' EXIT
 groundel=target/release/groundel
 "$groundel" demo "$folder" --inputs-only --quiet --faces 60000
 # Photos are decoded outside of what is counted: their stores are there, the mesh store is not.
-job=("$groundel" ortho "$folder/project.toml" --quiet --threads 1 --memory 256MiB --pixel-size 0.008 --extent 1.2,1.1,4.2,3.2
+job=("$groundel" ortho "$folder/project.toml" --colour paper --quiet --threads 1 --memory 256MiB --pixel-size 0.008 --extent 1.2,1.1,4.2,3.2
   --layers elevation --compress none --work "$folder/work" --out "$folder/few.tif")
 "${job[@]}"
 rm -f "$folder"/work/mesh-*

@@ -48,7 +48,7 @@ const LEAST_RATIO: f32 = 1e-6;
 /// What is left of a sample that is not trusted: enough where there is no other.
 const LEAST_TRUST: f32 = 1e-5;
 /// The share of the votes that agrees on a pixel which is not clear at all, and on one that is.
-const CLEAR: [f32; 2] = [0.75, 0.95];
+const CLEAR: [f32; 2] = [0.5, 0.7];
 /// A sample that is trusted less than this counts as rejected in the layers and the report.
 const KEPT: f32 = 0.1;
 
@@ -117,7 +117,8 @@ fn vote(planes: &[Plane], scratch: &mut [Scratch], first: usize) -> (Strip, Vote
     for (plane, s) in planes.iter().zip(scratch) {
         let quality = strip_of(&plane.soft.quality, first);
         for k in 0..STRIP {
-            s.ratio[k] = (quality[k] / finest[k]).max(LEAST_RATIO);
+            // At most 1 also where the photo sees nothing and its quality means nothing: 0 times it is 0.
+            s.ratio[k] = (quality[k] / finest[k]).clamp(LEAST_RATIO, 1.0);
         }
     }
     (seen, Votes { total, greatest })

@@ -36,8 +36,12 @@ impl PendingFile {
         unfinished_name.push(SUFFIX);
         let unfinished = target.with_file_name(unfinished_name);
         let fail = |e| Error::io(&unfinished, e);
-        // The lock comes before the cut. A file that another writer renamed away in between is not ours: try again.
+        // The lock comes before the cut. A file that another writer renamed away in between is not ours, whatever stands
+        // under its name by now: it may be finished. Nor is what a link leads to. Try again.
         let file = loop {
+            if fs::symlink_metadata(&unfinished).is_ok_and(|m| m.is_symlink()) {
+                fs::remove_file(&unfinished).map_err(fail)?;
+            }
             let file = OpenOptions::new()
                 .read(true)
                 .write(true)
@@ -46,7 +50,7 @@ impl PendingFile {
                 .open(&unfinished)
                 .map_err(fail)?;
             lock(&file).map_err(fail)?;
-            if fs::exists(&unfinished).map_err(fail)? {
+            if is_at(&file, &unfinished).map_err(fail)? {
                 break file;
             }
         };
@@ -87,6 +91,24 @@ pub fn write_atomically(target: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     let mut file = PendingFile::create(&target)?;
     file.write_all(bytes).map_err(|e| Error::io(&target, e))?;
     file.commit()
+}
+
+/// Whether an open file is what stands under a name, and no link to it.
+#[cfg(unix)]
+fn is_at(file: &File, name: &Path) -> io::Result<bool> {
+    use std::os::unix::fs::MetadataExt;
+    let own = file.metadata()?;
+    match fs::symlink_metadata(name) {
+        Ok(there) => Ok((own.dev(), own.ino()) == (there.dev(), there.ino())),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(e) => Err(e),
+    }
+}
+
+/// Where a file that is open cannot be renamed away by others, it is there if its name is.
+#[cfg(not(unix))]
+fn is_at(_file: &File, name: &Path) -> io::Result<bool> {
+    fs::exists(name)
 }
 
 /// Locks a file, without waiting.
@@ -170,5 +192,43 @@ mod tests {
         write_atomically(&target, b"new").unwrap();
         assert_eq!(fs::read(&target).unwrap(), b"new");
         assert_eq!(names(folder.path()), ["a.tif"]);
+    }
+
+    #[test]
+    fn three_writers_leave_one_whole_file_each_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("a.tif");
+        let write = |byte: u8| {
+            for _ in 0..300 {
+                // One that is refused because another writes has written nothing.
+                if let Err(e) = write_atomically(&target, &[byte; 3000]) {
+                    assert_eq!(e.exit_code(), 4, "{e}");
+                }
+                let found = fs::read(&target).unwrap_or_else(|_| vec![byte; 3000]);
+                assert!(found.len() == 3000 && found.iter().all(|&b| b == found[0]));
+            }
+        };
+        std::thread::scope(|scope| {
+            (1..=3).for_each(|byte| {
+                drop(scope.spawn({
+                    let write = &write;
+                    move || write(byte)
+                }))
+            })
+        });
+        assert_eq!(names(folder.path()), ["a.tif"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_under_the_unfinished_name_is_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (target, precious) = (folder.path().join("a.tif"), folder.path().join("precious"));
+        fs::write(&precious, b"precious").unwrap();
+        std::os::unix::fs::symlink(&precious, folder.path().join("a.tif.unfinished")).unwrap();
+        write_atomically(&target, b"new").unwrap();
+        assert_eq!(fs::read(&precious).unwrap(), b"precious");
+        assert_eq!(fs::read(&target).unwrap(), b"new");
+        assert_eq!(names(folder.path()), ["a.tif", "precious"]);
     }
 }

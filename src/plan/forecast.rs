@@ -28,6 +28,8 @@ pub struct JobDemand {
     pub output_bytes: u64,
     /// What the tiles have to do.
     pub work: WorkAmount,
+    /// Of the samples, those that are levelled and weighed softly.
+    pub soft_samples: f64,
     /// Memory that building the mesh store, decoding the photos and rendering hold at most, bytes.
     pub held_bytes: [u64; 3],
 }
@@ -63,6 +65,8 @@ mod cost {
     pub(super) const SURFACE_PIXEL: f64 = 2.4e-8;
     /// A pixel of the mosaic in a photo: visibility, sampling, its part in the blend.
     pub(super) const SAMPLE: f64 = 6.7e-8;
+    /// More for a sample that is levelled and weighed softly, with its coarse colour and its distance to the border.
+    pub(super) const SOFT_SAMPLE: f64 = 4.0e-8;
     /// A face in a tile's column.
     pub(super) const FACE: f64 = 1.2e-8;
     /// A face in a photo's shaft, and one that shows in a pixel besides.
@@ -92,7 +96,8 @@ impl JobDemand {
             (cost::INDEXED_PIXEL, cost::WINDOW_PIXEL)
         };
         let windows = DECODED * work.photo_pixels.min(self.photo_pixels as f64);
-        let tiles = tile_weight(work) + windows * window_pixel;
+        let soft = self.soft_samples * cost::SOFT_SAMPLE;
+        let tiles = tile_weight(work) + soft + windows * window_pixel;
         let stages = [
             self.faces_to_build as f64 * cost::BUILT_FACE / threads,
             self.photo_pixels as f64 * photo_pixel / threads,
@@ -165,6 +170,7 @@ mod tests {
                 face_views: 1.5e7,
                 photo_pixels: 3e7,
             },
+            soft_samples: 0.0,
             held_bytes: [200 << 20, 150 << 20, 250 << 20],
         }
     }
@@ -178,6 +184,7 @@ mod tests {
             JobDemand { output_bytes: 1 << 30, ..demand() },
             JobDemand { work: WorkAmount { samples: 1e8, ..demand().work }, ..demand() },
             JobDemand { work: WorkAmount { face_views: 1e8, ..demand().work }, ..demand() },
+            JobDemand { soft_samples: 5e7, ..demand() },
             JobDemand { threads: 1, ..demand() },
         ];
         assert!(grown.iter().all(|d| d.forecast(1.0).seconds > seconds));

@@ -28,11 +28,11 @@ fn golden_untidy_mesh() {
     compare(&scenes::untidy());
 }
 
-/// Renders `scene` through the command and compares mosaic and counts with the golden pictures.
+/// Renders `scene` through the command, by the paper's rule, and compares mosaic and counts with the golden pictures.
 fn compare(scene: &TestScene) {
     let folder = tempfile::tempdir().unwrap();
     job::write_files(scene, folder.path());
-    let (run, mosaic) = command::ortho(folder.path(), "golden", &["--quiet"]);
+    let (run, mosaic) = command::ortho(folder.path(), "golden", &["--quiet", "--colour", "paper"]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     for (layer, file) in [("mosaic", mosaic.clone()), ("used", mosaic.with_extension("used.tif"))] {
         check(&format!("{}.{layer}.png", scene.name), &read(&file));

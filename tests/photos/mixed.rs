@@ -75,7 +75,7 @@ fn grey_and_colour_8_and_16_bit_jpeg_png_and_tiff_make_one_mosaic() {
     mix(&photos);
     let kinds: Vec<_> = photos.iter().map(|p| photo(p)).map(|(_, c, b, _)| (c, b)).collect();
     assert_eq!(kinds, [(1, 8), (3, 16), (3, 8), (3, 8), (1, 16)]);
-    let flags = ["--outliers", "none", "--pixel-size", "0.004"];
+    let flags = ["--colour", "paper", "--outliers", "none", "--pixel-size", "0.004"];
     let mixed = done(folder.path(), "mixed", &flags);
     widen(&photos);
     let wide = done(folder.path(), "wide", &flags);

@@ -18,7 +18,7 @@ use crate::camera::Photo;
 use crate::frame::{FrameSpec, Mosaic};
 use crate::output::{Compression, Layer, Meaning};
 use crate::plan::{Forecast, JobDemand, PhotoNeed, Survey, check_pixels};
-use crate::render::Budget;
+use crate::render::{Budget, Outliers};
 use crate::store::mesh::MeshStore;
 
 /// What is known of a job, and what it will take.
@@ -123,7 +123,9 @@ impl Outlook {
         let survey = Survey::of(scene.mesh, scene.mosaic, scene.photos)?;
         let work = survey.total();
         let mosaic_pixels = scene.mosaic.size.area();
-        let mut demand = JobDemand { mosaic_pixels, work, ..self.demand };
+        let is_soft = config.outliers == Outliers::Robust;
+        let soft_samples = if is_soft { work.samples } else { 0.0 };
+        let mut demand = JobDemand { mosaic_pixels, work, soft_samples, ..self.demand };
         let surface_pixels = surface_of_all(config, scene, work.surface_pixels)?;
         demand.output_bytes = output_bytes(config, surface_pixels, work.footprint());
         let needed = || {

@@ -19,6 +19,8 @@ const BLOCKS_AT_ONCE: usize = 8;
 const BLOCK_BYTES: u64 = 16 << 20;
 /// Cameras whose focal lengths differ by less than this part are one.
 const FOCAL_SLACK: f64 = 0.05;
+/// A mosaic of fewer pixels is a sample, in which few points are no wonder.
+const WORTH_A_WARNING: u64 = 1_000_000;
 /// Fewer points in all say nothing.
 const FEWEST_POINTS: usize = 30;
 
@@ -60,8 +62,7 @@ pub(super) fn levelled(
     if config.levelling == Levelling::None || count < 2 {
         return Ok((stores, LevelledPhotos::none(count, None)));
     }
-    let whole = Mosaic { slab: [f64::NEG_INFINITY, f64::INFINITY], ..mosaic.clone() };
-    let canvas = canvas(&[whole], rendering, stores.mesh.origin());
+    let canvas = canvas(&[uncut(mosaic)], rendering, stores.mesh.origin());
     let (photos, left_out) = (stores.photos.clone(), stores.left_out.clone());
     let scene = scene(rendering, stores, &vec![None; count], names)?;
     let observed = observe(&scene, &canvas, mosaic)?;
@@ -73,8 +74,9 @@ pub(super) fn levelled(
     };
     let levelled = if problem.points.len() < FEWEST_POINTS {
         let found = problem.points.len();
-        let text = format!("photos are not levelled: only {found} points are seen by two of them");
-        LevelledPhotos::none(count, Some(text))
+        let text = || format!("photos are not levelled: two see no more than {found} points");
+        let is_large = mosaic.size.area() >= WORTH_A_WARNING;
+        LevelledPhotos::none(count, is_large.then(text))
     } else {
         let tones = solve(&problem, config.levelling);
         let both = tones.photos.into_iter().zip(tones.fits);
@@ -83,6 +85,11 @@ pub(super) fn levelled(
     };
     let Scene { mesh, pixels, masks, .. } = scene;
     Ok((Stores { mesh, pixels, masks, photos, left_out }, levelled))
+}
+
+/// The mosaic without a slab.
+pub(super) fn uncut(mosaic: &Mosaic) -> Mosaic {
+    Mosaic { slab: [f64::NEG_INFINITY, f64::INFINITY], ..mosaic.clone() }
 }
 
 /// What the photos show of points spread over the mosaic, in the order of the blocks whatever the threads.

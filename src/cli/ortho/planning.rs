@@ -6,6 +6,7 @@ use super::forecast::{Outlook, Scope};
 use super::grid::grid;
 use super::inputs::Inputs;
 use super::job::{Job, Place};
+use super::levelling;
 use super::stores::{Stores, UsablePhotos};
 use crate::Result;
 use crate::image::{Colour, Depth};
@@ -13,6 +14,7 @@ use crate::output::Layer;
 use crate::plan::{Survey, photo_needs};
 use crate::render::{Budget, TileDemand};
 use crate::report::StageLog;
+use crate::tone::Levelling;
 
 /// Overview levels that memory is set aside for: those of a mosaic 2¹⁰ tiles wide.
 const MOST_LEVELS: u64 = 10;
@@ -45,7 +47,12 @@ pub(in crate::cli) fn plan(
     let photos = log.run("photo headers", || UsablePhotos::check(config, inputs))?;
     let (mosaic, needs) = log.run("grid", || {
         let mosaic = grid(config, &mesh, &inputs.cameras, &photos.photos)?;
-        let needs = photo_needs(&mesh, &mosaic, &mosaic.size.rect(), &photos.photos);
+        // Photos are levelled on a surface that no slab cuts.
+        let compared = match config.levelling {
+            Levelling::None => mosaic.clone(),
+            Levelling::Gain | Levelling::Full => levelling::uncut(&mosaic),
+        };
+        let needs = photo_needs(&mesh, &compared, &mosaic.size.rect(), &photos.photos);
         Ok::<_, crate::Error>((mosaic, needs))
     })?;
     let scope = Scope { mesh: &mesh, mosaic: &mosaic, photos: &photos.photos, needs: &needs };
