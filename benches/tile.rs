@@ -120,7 +120,7 @@ fn tile(c: &mut Criterion) {
 
     let mut builder = SurfaceBuilder::default();
     group.bench_function("surface", |b| {
-        b.iter(|| surface((&scene, &canvas), &column, &mut builder))
+        b.iter(|| surface((&scene, &canvas), &column, &mut builder));
     });
     surface((&scene, &canvas), &column, &mut builder);
     let shown = builder.tile().points.iter().filter(|p| !p.is_nan()).count();

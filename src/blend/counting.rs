@@ -3,7 +3,6 @@
 #![expect(
     clippy::inline_always,
     clippy::needless_range_loop,
-    clippy::needless_bitwise_bool,
     reason = "loops over strips, compiled for the widest vectors where they are inlined into the kernel"
 )]
 

@@ -17,7 +17,6 @@
 #![expect(
     clippy::inline_always,
     clippy::needless_range_loop,
-    clippy::needless_bitwise_bool,
     clippy::cast_possible_truncation,
     reason = "loops over strips, compiled for the widest vectors where they are inlined into the kernel; votes are f32"
 )]

@@ -392,3 +392,65 @@ fn pixels_that_are_the_same_are_taken_over_with_all_layers_and_the_others_stay()
         }
     }
 }
+
+/// A block of 70 pixels under the robust rule: photo 0 sees all, photo 1 the first ten.
+fn soft_block(stack: &mut SampleTile, quality: f64, colour: f32) -> OrthoTile {
+    let rect = PixelRect::new(0, 0, 70, 1);
+    let settings = Settings {
+        outliers: Outliers::Robust,
+        weights: Weights::Sharp,
+        edges: Edges::Guard,
+        ..Settings::default()
+    };
+    let mut tile = OrthoTile::new(rect, &settings);
+    tile.set_surface(rect, |_| Some((0.0, FaceId(0))));
+    stack.begin(rect);
+    for (photo, count) in [(0, 70), (1, 10)] {
+        let pixels: Vec<u32> = (0..count).collect();
+        let colours = vec![[colour, colour + 9.0, 250.0]; pixels.len()];
+        let (quality, ones) = (vec![quality; pixels.len()], vec![1.0_f32; pixels.len()]);
+        let soft = SoftSamples { coarse: &colours, quality: &quality, guards: &ones, fades: &ones };
+        stack.push(&PhotoSamples {
+            photo,
+            gain: 1.0,
+            pixels: &pixels,
+            colours: &colours,
+            weights: &quality,
+            soft: Some(soft),
+        });
+    }
+    blend_into(&settings, stack, &mut tile, &mut Statistics::new(2));
+    tile
+}
+
+#[test]
+fn what_an_earlier_block_left_behind_reaches_no_pixel_under_soft_weights() {
+    let mut used = SampleTile::new();
+    // All pixels of photo 1 hold something before it sees the first ten only.
+    let rect = PixelRect::new(0, 0, 70, 1);
+    used.begin(rect);
+    let (pixels, far) = ((0..70).collect::<Vec<u32>>(), vec![[-3e5_f32; 3]; 70]);
+    let (quality, ones) = (vec![1e12; 70], vec![1.0_f32; 70]);
+    for photo in 0..2 {
+        let soft = SoftSamples { coarse: &far, quality: &quality, guards: &ones, fades: &ones };
+        used.push(&PhotoSamples {
+            photo,
+            gain: 1.0,
+            pixels: &pixels,
+            colours: &far,
+            weights: &quality,
+            soft: Some(soft),
+        });
+    }
+    for (quality, colour) in [(1e-12, 20.0), (1.0, 100.0), (1e9, 0.0)] {
+        let found = soft_block(&mut used, quality, colour);
+        assert!(
+            format!("{found:?}")
+                == format!("{:?}", soft_block(&mut SampleTile::new(), quality, colour))
+        );
+        let Samples::U8(image) = &found.colour else { unreachable!("8 bit") };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 250")]
+        let wanted = [colour as u8, colour as u8 + 9, 250, 255];
+        assert!(image.data().chunks(4).all(|pixel| pixel == wanted), "{:?}", image.data());
+    }
+}

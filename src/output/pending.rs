@@ -209,12 +209,10 @@ mod tests {
             }
         };
         std::thread::scope(|scope| {
-            (1..=3).for_each(|byte| {
-                drop(scope.spawn({
-                    let write = &write;
-                    move || write(byte)
-                }))
-            })
+            for byte in 1..=3 {
+                let write = &write;
+                scope.spawn(move || write(byte));
+            }
         });
         assert_eq!(names(folder.path()), ["a.tif"]);
     }

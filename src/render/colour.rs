@@ -138,7 +138,8 @@ impl Colouring {
         let masks = to.scene.masks.as_ref().filter(|masks| masks.has(photo.index.into()));
         let Some(masks) = masks else {
             view.edges.see(surface, &view.points);
-            return Ok(view.edges.finish());
+            view.edges.finish();
+            return Ok(());
         };
         // What is masked is not seen: that is known of photo positions only.
         let mosaic = to.canvas.section(to.number);
@@ -148,7 +149,8 @@ impl Colouring {
             self.masking.apply(masks, photo.index.into(), &mut view.tile)?;
             view.edges.see_pixels(surface, part, &view.tile.pixels);
         }
-        Ok(view.edges.finish())
+        view.edges.finish();
+        Ok(())
     }
 
     /// Stage 2 for the pixels of a sub-block: what a view sees of them, if they are to be coloured.

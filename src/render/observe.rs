@@ -27,6 +27,9 @@ const PART: f64 = 0.03;
 const TELLING: [f32; 2] = [8.0 / 255.0, 245.0 / 255.0];
 
 /// The blocks of a mosaic in which points are observed: spread evenly, each at a place of its own in its share.
+///
+/// # Panics
+/// Never: a mosaic's pixels are numbered in 32 bits.
 pub fn observed_blocks(size: Size, photos: usize) -> Vec<PixelRect> {
     let side = u64::try_from(BLOCK_SIDE + 2 * i64::from(FROM_BORDER)).expect("positive");
     let wanted = LEAST_BLOCKS.max(BLOCKS_PER_PHOTO * photos as u64).min(MOST_BLOCKS);
@@ -57,7 +60,7 @@ pub fn observed_blocks(size: Size, photos: usize) -> Vec<PixelRect> {
     (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))).map(block).collect()
 }
 
-/// A number that looks like chance, the same everywhere (the finaliser of SplitMix64: G. Steele, D. Lea, C. Flood (2014),
+/// A number that looks like chance, the same everywhere (the finaliser of `SplitMix64`: G. Steele, D. Lea, C. Flood (2014),
 /// doi:10.1145/2660193.2660195).
 fn scattered(column: u64, row: u64, salt: u64) -> u64 {
     let mut z = (column << 33 ^ row << 1 ^ salt).wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -113,7 +116,7 @@ impl Renderer<'_> {
 
     /// Leaves in a view the points of a block that are observed.
     fn take_points(&mut self, block: PixelRect, k: usize) -> Result<()> {
-        debug_assert!(block.width() <= SUB_BLOCK.unsigned_abs() as usize, "one sub-block");
+        debug_assert!(block.x1 - block.x0 <= SUB_BLOCK, "one sub-block");
         self.find_edges(k)?;
         self.take_view(k, block)?;
         let width = block.width();

@@ -41,7 +41,6 @@ pub struct PhotoTone {
     pub field: Vec<[f64; 3]>,
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's form")]
 fn is_none(vignetting: &[f64; 2]) -> bool {
     vignetting.iter().all(|v| v.to_bits() == 0)
 }

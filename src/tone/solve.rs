@@ -307,7 +307,9 @@ fn take_field(tone: &mut PhotoTone, mut field: [[f64; 3]; FIELD]) {
     for c in 0..3 {
         let mean = field.iter().map(|node| node[c]).sum::<f64>() / FIELD as f64;
         tone.gain[c] += mean;
-        field.iter_mut().for_each(|node| node[c] -= mean);
+        for node in &mut field {
+            node[c] -= mean;
+        }
     }
     tone.field = field.to_vec();
 }
@@ -336,7 +338,9 @@ fn gauge(problem: &Problem, groups: &[usize], tones: &mut [PhotoTone]) {
         let of = if stated.is_empty() { &members } else { &stated };
         for c in 0..3 {
             let mean = of.iter().map(|&k| tones[k].gain[c]).sum::<f64>() / of.len().max(1) as f64;
-            members.iter().for_each(|&k| tones[k].gain[c] -= mean);
+            for &k in &members {
+                tones[k].gain[c] -= mean;
+            }
         }
     }
 }

@@ -20,7 +20,11 @@ fn problem(photos: usize, tone: impl Fn(usize) -> PhotoTone, seed: u64) -> Probl
             if (0.0..1.0).contains(&at.x) {
                 let of = tone(photo).at(at, 1.5);
                 let log = std::array::from_fn(|c| colour[c] + of[c] + random.between(-0.02, 0.02));
-                problem.observations.push(Observation { photo: photo as u32, at, log });
+                problem.observations.push(Observation {
+                    photo: u32::try_from(photo).unwrap(),
+                    at,
+                    log,
+                });
             }
         }
         if problem.observations.len() < start + 2 {

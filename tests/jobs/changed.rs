@@ -91,7 +91,7 @@ fn after_a_photo_has_changed_only_tiles_that_it_touches_are_rendered_again() {
     assert_eq!(replan(&facade, &job, ("excluded", exclude)), (held, all));
     assert_eq!(replan(&facade, &job, ("included", flags)), (held, all));
     // Photos that are levelled together have another tone, each of them.
-    let job = facade.path("levelled");
+    let job = facade.path("job of levelled photos");
     done(&mut facade.plan(&job, &["--batches", "4"]));
     done(&mut render(&job, &[]));
     repaint(&facade.path("project/photos/IMG_00003.jpg"));

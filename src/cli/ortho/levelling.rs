@@ -105,7 +105,9 @@ fn observe(scene: &Scene, canvas: &Canvas, mosaic: &Mosaic) -> Result<Observed> 
     };
     let parts: Vec<_> = blocks.par_chunks(BLOCKS_AT_ONCE).map(of).collect::<Result<_>>()?;
     let mut all = Observed::default();
-    parts.iter().for_each(|part| all.extend(part));
+    for part in &parts {
+        all.extend(part);
+    }
     Ok(all)
 }
 
